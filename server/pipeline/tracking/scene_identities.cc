@@ -43,8 +43,12 @@ bool SceneTracker::decide(const Pending& newcomer, bool certain, std::int64_t ti
     known.reset();
     if (!certain && newcomer.frames < options_.confirm_frames) return false;
     std::vector<std::uint32_t> present;
+    // A track may stray to a ghost or to a person beside, while its own person appears as a newcomer.
     for (const Subject& subject : subjects_)
-        if (subject.seen) present.push_back(subject.id);
+        if (subject.seen &&
+            (views_.empty() || !memory_.has_strayed(subject.id, appearance_of(grid_, subject.cells, views_),
+                                                    newcomer.appearance)))
+            present.push_back(subject.id);
     const std::int64_t since_ns = time_ns - static_cast<std::int64_t>(1e9 * options_.recognise_within_s);
     if (views_.empty() || !memory_.knows_absent(present, since_ns)) return true;
     known = memory_.recognise(newcomer.appearance, newcomer.centre_in_world, time_ns, present, since_ns);

@@ -297,8 +297,13 @@ Event SceneTracker::event(EventKind kind, const std::string& what, const Subject
 void SceneTracker::start(const Cells& cells, const std::optional<Recognition>& known, std::int64_t time_ns) {
     Subject subject;
     subject.id = known ? known->subject_id : ++last_id_;
-    // Not seen, but not lost yet.
-    if (known) std::erase_if(subjects_, [&](const Subject& other) { return other.id == subject.id; });
+    // Not lost yet, or strayed.
+    if (known)
+        std::erase_if(subjects_, [&](const Subject& other) {
+            if (other.id != subject.id) return false;
+            if (other.seen) grid_.free(other.cells);
+            return true;
+        });
     for (subject.label = 1;
          std::ranges::any_of(subjects_, [&](const Subject& other) { return other.label == subject.label; });)
         ++subject.label;

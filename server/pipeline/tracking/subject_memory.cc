@@ -20,6 +20,8 @@ constexpr double kStranger = 3;
 // A person present who looks the same shows that strangers may, too.
 constexpr double kLookalikeWeight = 0.5;
 
+constexpr double kLike_log = -2, kClearly_log = 4;  // likelihoods of a person, and against another place
+
 // A person cannot be elsewhere at once, and who vanishes usually appears near by.
 constexpr double kMaxSpeed_m_per_s = 8, kMaxJump_m = 1;
 constexpr double kNearSpeed_m_per_s = 1.5, kNear_m = 0.5, kNear_s = 2, kNearBonus = 2;
@@ -108,6 +110,14 @@ double SubjectMemory::log_likelihood(const Person& person, const Appearance& see
     for (const double litres : person.litres) logs.push_back(std::log(litres));
     const double volume = beyond(logs, std::log(seen.litres)) / kVolumeStd_log;
     return -0.5 * (colours * colours + top * top + volume * volume);
+}
+
+bool SubjectMemory::has_strayed(std::uint32_t subject_id, const Appearance& there,
+                                const Appearance& newcomer) const {
+    const auto person = std::ranges::find(people_, subject_id, &Person::id);
+    if (person == people_.end() || person->tops_m.size() < kMinObservations) return false;
+    const double like = log_likelihood(*person, newcomer);
+    return like > kLike_log && like > log_likelihood(*person, there) + kClearly_log;
 }
 
 std::optional<Recognition> SubjectMemory::recognise(const Appearance& seen, Vec3 centre_in_world,

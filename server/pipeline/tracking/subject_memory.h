@@ -41,6 +41,8 @@ class SubjectMemory {
     // `seen`: the sum of one or more frame sets, as observe() adds them.
     std::optional<Recognition> recognise(const Appearance& seen, Vec3 centre_in_world, std::int64_t time_ns,
                                          std::span<const std::uint32_t> present, std::int64_t since_ns) const;
+    // Whether `there`, where a subject is tracked, does not look like it, but `newcomer` clearly does.
+    bool has_strayed(std::uint32_t subject_id, const Appearance& there, const Appearance& newcomer) const;
     std::vector<RememberedSubject> remembered() const;
     void forget() { people_.clear(); }
 

@@ -91,6 +91,15 @@ TEST(SubjectMemory, IsUnsureBetweenTwoInTheSameClothes) {
     EXPECT_LT(beside->probability, SubjectMemory::kMinProbability);
 }
 
+TEST(SubjectMemory, NoticesStrayedTracks) {
+    SubjectMemory memory;
+    visit(memory, 1, kRed, 2 * kSecond_ns);
+    EXPECT_TRUE(memory.has_strayed(1, seen(kGreen, 3), seen(kRed, 4)));
+    EXPECT_FALSE(memory.has_strayed(1, seen(kRed, 3), seen(kRed, 4))) << "both look like it";
+    EXPECT_FALSE(memory.has_strayed(1, seen(kGreen, 3), seen(kBlack, 4))) << "neither does";
+    EXPECT_FALSE(memory.has_strayed(2, seen(kGreen, 3), seen(kRed, 4))) << "unknown";
+}
+
 TEST(SubjectMemory, ConsidersOnlyWhoCanBeThere) {
     SubjectMemory memory;
     visit(memory, 1, kRed, 2 * kSecond_ns);
