@@ -19,7 +19,8 @@ std::shared_ptr<EventMailbox> EventLog::subscribe(std::size_t history_count, std
 }
 
 void EventLog::publish(Event event, std::int64_t time_utc_ns, std::uint32_t subject_id) {
-    PublishedEvent published{0, time_utc_ns, subject_id, std::move(event)};
+    const std::uint32_t concerned = event.subject_id ? event.subject_id : subject_id;
+    PublishedEvent published{0, time_utc_ns, concerned, std::move(event)};
     const std::scoped_lock lock(mutex_);  // held while posting, so that all see the same order
     published.id = ++count_;
     history_.push_back(published);

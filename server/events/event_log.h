@@ -33,6 +33,7 @@ class EventLog {
     // Starts with the latest `history_count` events.
     std::shared_ptr<EventMailbox> subscribe(std::size_t history_count, std::function<void()> on_ready);
 
+    // `subject_id`: unless the event names one.
     void publish(Event event, std::int64_t time_utc_ns, std::uint32_t subject_id = 0);
     // At the present time.
     void publish(Event event);
