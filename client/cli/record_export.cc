@@ -147,7 +147,8 @@ void add_record_export_verb(CLI::App& record, GlobalOptions& global, Run& run) {
     command->add_flag("--anonymous", options->anonymous,
                       "Remove images, colours, names and dates; show silhouettes instead");
     command->add_option("--range", options->range, "Frames to export, FIRST-LAST (inclusive)");
-    command->add_option("--subject", options->subject_id, "Subject to export (id; default: the only one)");
+    command->add_option("--subject", options->subject_id,
+                        "Subject to export (id; default: the only one; ply, mp4: all)");
     command
         ->add_option(
             "--yaw", options->yaw_deg,

@@ -1,9 +1,12 @@
 #include "server/api/capture_service.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <boost/asio/post.hpp>
 #include <cmath>
+#include <string>
+#include <vector>
 
 #include "common/proto_time.h"
 #include "server/api/call.h"
@@ -59,6 +62,13 @@ void fill_cameras(const ApiContext& api, const FrameResult* result, v1::GetStatu
         camera.set_has_image(i < images.size() && !images[i].empty());
         fill_camera_subject(*result, i, camera);
     }
+}
+
+std::string subjects_are(const std::vector<SubjectResult>& subjects) {
+    if (subjects.size() == 1) return fmt::format("subject {} is", subjects.front().track.subject_id);
+    std::vector<std::uint32_t> ids;
+    for (const SubjectResult& subject : subjects) ids.push_back(subject.track.subject_id);
+    return fmt::format("subjects {} are", fmt::join(ids, ", "));
 }
 
 void fill_rates(const ApiContext& api, v1::GetStatusResponse& response) {
@@ -206,12 +216,12 @@ void learn_background(const ApiContext& api, const v1::LearnBackgroundRequest& r
         return done(api.runner.restore_background());
     }
     const auto latest = api.hub.latest();
-    if (request.frame_set_count() > 0 && !request.force() && latest && latest->result->first_subject() &&
+    if (request.frame_set_count() > 0 && !request.force() && latest && !latest->result->subjects.empty() &&
         api.runner.state().state == RunState::kRunning)
-        return done(absl::FailedPreconditionError(fmt::format(
-            "subject {} is tracked and would become part of the background; clear the scene, or force it "
-            "(kinevox learn-background --force) if that is not a person",
-            latest->result->first_subject()->track.subject_id)));
+        return done(absl::FailedPreconditionError(
+            fmt::format("{} tracked and would become part of the background; clear the scene, or force it "
+                        "(kinevox learn-background --force) if that is not a person",
+                        subjects_are(latest->result->subjects))));
     api.runner.learn_background(request.frame_set_count(), std::move(done));
 }
 

@@ -209,21 +209,23 @@ absl::Status fit_body(const ApiContext& api, const v1::FitBodyRequest& request) 
     if (api.runner.state().state != RunState::kRunning)
         return absl::FailedPreconditionError(
             "the capture is not running; start it to fit the subject's body");
-    if (const auto subject = choose_subject(request.subject_id(), tracked_subjects(api)); !subject.ok())
-        return subject.status();
-    return api.body_fit->start(request.has_duration() ? to_seconds(request.duration())
-                                                      : LiveBodyFit::kDefaultSeconds);
+    const auto subject = choose_subject(request.subject_id(), tracked_subjects(api));
+    if (!subject.ok()) return subject.status();
+    return api.body_fit->start(
+        *subject, request.has_duration() ? to_seconds(request.duration()) : LiveBodyFit::kDefaultSeconds);
 }
 
-v1::WatchBodyResponse body_to_proto(const ApiContext& api, const BodyFitProgress& progress) {
+v1::WatchBodyResponse body_to_proto(const std::vector<BodyFitProgress>& subjects) {
     v1::WatchBodyResponse out;
-    v1::SubjectBody& subject = *out.add_subjects();
-    if (const auto tracked = tracked_subjects(api); !tracked.empty()) subject.set_subject_id(tracked.front());
-    subject.set_state(to_proto(progress.state));
-    subject.set_progress(progress.progress);
-    subject.set_requested(progress.requested);
-    subject.set_message(progress.message);
-    *subject.mutable_body() = to_proto(progress.body, progress.fit, progress.stored_path.string());
+    for (const BodyFitProgress& progress : subjects) {
+        v1::SubjectBody& subject = *out.add_subjects();
+        subject.set_subject_id(progress.subject_id);
+        subject.set_state(to_proto(progress.state));
+        subject.set_progress(progress.progress);
+        subject.set_requested(progress.requested);
+        subject.set_message(progress.message);
+        *subject.mutable_body() = to_proto(progress.body, progress.fit, progress.stored_path.string());
+    }
     return out;
 }
 
@@ -278,7 +280,7 @@ grpc::ServerWriteReactor<v1::WatchBodyResponse>* PoseServiceImpl::WatchBody(Cont
     return BodyReactor::run(
         api_, context, {},
         [this](std::function<void()> on_ready) { return api_.body_watch->subscribe(std::move(on_ready)); },
-        [this](const BodyWatch::Box::Taken& taken) { return body_to_proto(api_, taken.message); });
+        [](const BodyWatch::Box::Taken& taken) { return body_to_proto(taken.message); });
 }
 
 }  // namespace kinevox

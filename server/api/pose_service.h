@@ -27,7 +27,7 @@ v1::WatchPoseDatabaseResponse to_proto(const DatabaseProgress& progress);
 absl::Status check_body_fit(const ApiContext& api);
 absl::Status fit_body(const ApiContext& api, const v1::FitBodyRequest& request);
 // The body of the tracked subject, or the default body.
-v1::WatchBodyResponse body_to_proto(const ApiContext& api, const BodyFitProgress& progress);
+v1::WatchBodyResponse body_to_proto(const std::vector<BodyFitProgress>& subjects);
 
 class PoseServiceImpl final : public v1::PoseService::CallbackService {
   public:

@@ -66,7 +66,7 @@ class StateWatch {
 };
 
 using DatabaseWatch = StateWatch<DatabaseProgress>;
-using BodyWatch = StateWatch<BodyFitProgress>;
+using BodyWatch = StateWatch<std::vector<BodyFitProgress>>;
 using ProcedureWatch = StateWatch<ProcedureProgress>;
 
 // The message period of each latest-only subscriber, so that all of them together stay within the rate that

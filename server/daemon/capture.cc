@@ -2,17 +2,36 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <cmath>
+#include <optional>
+#include <vector>
 
 #include "server/daemon/setup.h"
 #include "server/pose/pose_stage.h"
 
 namespace kinevox {
 
+namespace {
+
+// Of the subject that the camera's silhouette fits least.
+std::optional<double> min_silhouette_iou(const FrameResult& result, std::size_t camera) {
+    std::optional<double> min;
+    for (const SubjectResult& subject : result.subjects) {
+        if (camera >= subject.silhouette_iou.size() || std::isnan(subject.silhouette_iou[camera])) continue;
+        const auto iou = static_cast<double>(subject.silhouette_iou[camera]);
+        min = std::min(min.value_or(iou), iou);
+    }
+    return min;
+}
+
+}  // namespace
+
 Capture::Capture(const DaemonConfig& given)
     : config(given),
-      background(background_folder(config), [](const std::string& message) { spdlog::info("{}", message); }) {
-}
+      background(background_folder(config), [](const std::string& message) { spdlog::info("{}", message); }),
+      quality({.several_subjects = config.tracking.max_subjects > 1,
+               .subjects_selected = config.tracking.rules != SubjectRules{}}) {}
 
 absl::StatusOr<std::unique_ptr<Capture>> Capture::create(const DaemonConfig& config,
                                                          const MakeGpu& make_gpu) {
@@ -38,7 +57,8 @@ absl::Status Capture::open(const MakeGpu& make_gpu) {
     auto pipeline = Pipeline::create((*source)->cameras(), (*source)->fps(), options);
     if (!pipeline.ok()) return pipeline.status();
 
-    pose_stage = (*pipeline)->pose_stage();
+    live_pipeline = pipeline->get();
+    pose_stage = live_pipeline->pose_stage();
     if (const auto file = pose_database_file(config.pose); !file.empty()) {
         poses.emplace(file);
         pose_stage->set_proposer(&*poses);  // has nothing to propose until it is built
@@ -46,12 +66,13 @@ absl::Status Capture::open(const MakeGpu& make_gpu) {
     runner = std::make_unique<Runner>(
         std::move(*source), [this] { return open_frame_source(); }, std::move(*pipeline), hub);
     if (pose_stage)
-        body_fit = make_body_fit(config.pose, *runner, options.posing, poses ? &*poses : nullptr,
-                                 hub.events(), body_watch);
+        body_fit =
+            make_body_fit(config.pose, *runner, options, poses ? &*poses : nullptr, hub.events(), body_watch);
     camera_watch = std::make_unique<CameraWatch>(runner->cameras(), CameraWatchOptions{},
                                                  [this](const Event& event) { hub.events().publish(event); });
     restore_calibration();
-    auto made_recorder = make_recorder(config, *runner, *calibrations, *active_calibration, hub.events());
+    auto made_recorder = make_recorder(config, *runner, *calibrations, *active_calibration,
+                                       options.tracker.max_subjects > 1, hub.events());
     if (!made_recorder.ok()) return made_recorder.status();
     recorder = *std::move(made_recorder);
     warn_of_unwritable_recordings(recorder->options().folder);
@@ -63,7 +84,10 @@ absl::Status Capture::open(const MakeGpu& make_gpu) {
                                recorder->background_learned(images);
                                quality.set_background(runner->cameras(), images);
                            },
-                           [this] { recorder->capture_ended(); }});
+                           [this] {
+                               recorder->capture_ended();
+                               if (body_fit) body_fit->capture_ended();
+                           }});
     replay = std::make_unique<Replay>(
         *runner, make_replay_pipeline(options, *runner, poses ? &*poses : nullptr),
         [this](EventKind kind, std::string message) { hub.events().publish(kind, std::move(message)); });
@@ -92,13 +116,37 @@ void Capture::observe(const FrameResult& result) {
     statistics.observe(result.times);
     if (result.frame_set.recorded_frame) return;  // a replay shows nothing about the cameras and the subject
     camera_watch->observe(result);
-    quality.observe(result, pose_stage ? &pose_stage->body() : nullptr);
-    recorder->observe(result, pose_stage ? &pose_stage->body() : nullptr);
-    if (!body_fit) return;
-    const SubjectResult* const subject = result.first_subject();
-    body_fit->observe(result.capture_time_ns,
-                      subject && subject->volume ? &pose_stage->observation() : nullptr);
-    if (const auto fit = body_fit->take_fit()) pose_stage->set_body(fit->shape, fit->standing_m);
+    const BodyOf body_of = [this](std::uint32_t subject_id) { return this->body_of(subject_id); };
+    quality.observe(result, body_of);
+    recorder->observe(result, body_of);
+    if (body_fit) fit_bodies(result);
+}
+
+const BodyShape* Capture::body_of(std::uint32_t subject_id) const {
+    if (!pose_stage) return nullptr;
+    if (options.tracker.max_subjects == 1) return &pose_stage->body();
+    if (subject_id == 0) return &options.posing.body;
+    const PoseStage* const stage = live_pipeline->pose_stage_of(subject_id);
+    return stage ? &stage->body() : nullptr;
+}
+
+void Capture::fit_bodies(const FrameResult& result) {
+    std::vector<LiveBodyFit::Seen> tracked;
+    for (const SubjectResult& subject : result.subjects) {
+        const PoseStage* const stage = live_pipeline->pose_stage_of(subject.track.subject_id);
+        tracked.push_back(
+            {subject.track.subject_id, subject.volume && stage ? &stage->observation() : nullptr});
+    }
+    body_fit->observe(result.capture_time_ns, tracked);
+    const auto use_fitted = [&](std::uint32_t subject_id, PoseStage& stage) {
+        const LiveBodyFit::BodyInUse body = body_fit->body_in_use(subject_id);
+        if (stage.body() != body.shape) stage.set_body(body.shape, body.standing_m);
+    };
+    // A single subject's body stays when the subject is lost; the stages of several serve new ones.
+    if (options.tracker.max_subjects == 1) return use_fitted(0, *pose_stage);
+    for (const SubjectResult& subject : result.subjects)
+        if (PoseStage* const stage = live_pipeline->pose_stage_of(subject.track.subject_id))
+            use_fitted(subject.track.subject_id, *stage);
 }
 
 void Capture::build_pose_database(const std::vector<Camera>& cameras) {
@@ -174,9 +222,7 @@ metrics::MetricsSnapshot Capture::metrics_snapshot() const {
         metrics::CameraMetrics& camera = out.cameras.emplace_back();
         camera.name = cameras[c].name;
         if (c < connections.size()) camera.connection = connections[c];
-        if (const SubjectResult* const first = latest ? latest->result->first_subject() : nullptr;
-            first && c < first->silhouette_iou.size() && !std::isnan(first->silhouette_iou[c]))
-            camera.silhouette_iou = static_cast<double>(first->silhouette_iou[c]);
+        if (latest) camera.silhouette_iou = min_silhouette_iou(*latest->result, c);
         if (c < watched.size()) {
             camera.scene_shift_px = watched[c].shift_px;
             camera.calibration_suspect = watched[c].suspect;

@@ -45,7 +45,8 @@ struct Capture {
     DatabaseWatch pose_watch;
     std::optional<PoseDatabaseService> poses;  // empty without a pose database
     std::unique_ptr<Runner> runner;
-    PoseStage* pose_stage = nullptr;  // of the runner's pipeline; null if no poses are measured
+    Pipeline* live_pipeline = nullptr;  // of the cameras, also during a replay
+    PoseStage* pose_stage = nullptr;    // its first; null if no poses are measured
     BodyWatch body_watch;
     std::unique_ptr<LiveBodyFit> body_fit;  // null if no poses are measured
     CaptureStatistics statistics;
@@ -72,6 +73,8 @@ struct Capture {
     absl::Status open(const MakeGpu& make_gpu);
     absl::StatusOr<std::unique_ptr<FrameSource>> open_frame_source();
     void observe(const FrameResult& result);
+    const BodyShape* body_of(std::uint32_t subject_id) const;
+    void fit_bodies(const FrameResult& result);
     void restore_calibration();
     void build_pose_database(const std::vector<Camera>& cameras);
 

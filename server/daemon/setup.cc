@@ -125,8 +125,8 @@ std::filesystem::path fitted_body_file(const PoseConfig& config) {
 DaemonConfig with_fitted_body(DaemonConfig config) {
     const std::filesystem::path file = fitted_body_file(config.pose);
     std::error_code error;
-    if (!config.pose.enabled || !config.pose.body_file.empty() || file.empty() ||
-        !std::filesystem::exists(file, error))
+    if (!config.pose.enabled || config.tracking.max_subjects > 1) return config;  // it is of one person
+    if (!config.pose.body_file.empty() || file.empty() || !std::filesystem::exists(file, error))
         return config;
     if (const auto body = read_body_shape(file); body.ok()) {
         spdlog::info("using the fitted body of {:.2f} m from {}; `kinevox body fit` fits another",
@@ -173,7 +173,8 @@ void warn_of_unwritable_recordings(const std::filesystem::path& folder) {
 
 absl::StatusOr<std::unique_ptr<Recorder>> make_recorder(const DaemonConfig& daemon, const Runner& runner,
                                                         const CalibrationStore& store,
-                                                        const ActiveCalibration& active, EventLog& events) {
+                                                        const ActiveCalibration& active,
+                                                        bool several_subjects, EventLog& events) {
     const auto bytes = [](int megabytes) { return static_cast<std::size_t>(megabytes) << 20; };
     const RecordingConfig& config = daemon.recording;
     std::filesystem::path own_calibration;
@@ -186,6 +187,7 @@ absl::StatusOr<std::unique_ptr<Recorder>> make_recorder(const DaemonConfig& daem
         if (name_of(codec) == config.codec) options.codec = codec;
     options.save_poses = config.save_poses;
     options.save_volumes = config.save_volumes;
+    options.several_subjects = several_subjects;
     options.max_buffer_s = options.folder.empty() ? 0 : config.max_buffer_s;
     options.max_buffer_bytes = bytes(config.max_buffer_mb);
     options.max_queue_bytes = bytes(config.max_queue_mb);
@@ -236,22 +238,27 @@ void start_pose_database(PoseDatabaseService& database, const PoseConfig& config
 }
 
 std::unique_ptr<LiveBodyFit> make_body_fit(const PoseConfig& config, const Runner& runner,
-                                           const PoseStageOptions& posing, PoseDatabaseService* database,
+                                           const PipelineOptions& pipeline, PoseDatabaseService* database,
                                            EventLog& events, BodyWatch& watch) {
     LiveBodyFitOptions options;
     options.automatic = config.auto_fit_body && config.body_file.empty();
-    options.file = fitted_body_file(config);
+    options.several_subjects = pipeline.tracker.max_subjects > 1;
+    if (!options.several_subjects) options.file = fitted_body_file(config);
+    const auto on_end = [database, &events, several = options.several_subjects](const BodyFitProgress& fit) {
+        // The database is searched for all subjects; several have no common stature.
+        if (database && fit.state == BodyFitState::kReady && !several)
+            database->set_stature(fit.body.stature_m);
+        Event event;
+        event.kind = fit.state == BodyFitState::kReady ? EventKind::kBodyFitted : EventKind::kError;
+        event.subject_id = fit.subject_id;
+        event.message = (several && fit.subject_id ? fmt::format("subject {}: ", fit.subject_id) : "") +
+                        (fit.state == BodyFitState::kReady ? "" : "no body was fitted: ") + fit.message;
+        events.publish(std::move(event));
+    };
     auto fit = std::make_unique<LiveBodyFit>(
-        runner.cameras(), runner.source_fps(), posing, options,
-        [database, &events, &watch](const BodyFitProgress& progress) {
-            watch.publish(progress);
-            if (progress.state == BodyFitState::kReady) {
-                if (database) database->set_stature(progress.body.stature_m);
-                events.publish(EventKind::kBodyFitted, progress.message);
-            } else if (progress.state == BodyFitState::kFailed) {
-                events.publish(EventKind::kError, "no body was fitted: " + progress.message);
-            }
-        });
+        runner.cameras(), runner.source_fps(), pipeline.posing, options,
+        LiveBodyFit::Observers{[&watch](const std::vector<BodyFitProgress>& all) { watch.publish(all); },
+                               on_end});
     watch.publish(fit->progress());
     return fit;
 }

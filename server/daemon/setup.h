@@ -56,7 +56,8 @@ void warn_of_unwritable_recordings(const std::filesystem::path& folder);
 // The arguments must outlive the recorder.
 absl::StatusOr<std::unique_ptr<Recorder>> make_recorder(const DaemonConfig& config, const Runner& runner,
                                                         const CalibrationStore& store,
-                                                        const ActiveCalibration& active, EventLog& events);
+                                                        const ActiveCalibration& active,
+                                                        bool several_subjects, EventLog& events);
 
 RetentionLimits retention_limits(const RecordingConfig& config);
 
@@ -72,7 +73,7 @@ void start_pose_database(PoseDatabaseService& database, const PoseConfig& config
 // Fits the subject's body in the background and notifies the watch, the events and the database, if there is
 // one. All of them must outlive it. `cameras` in the order of the runner's.
 std::unique_ptr<LiveBodyFit> make_body_fit(const PoseConfig& config, const Runner& runner,
-                                           const PoseStageOptions& posing, PoseDatabaseService* database,
+                                           const PipelineOptions& pipeline, PoseDatabaseService* database,
                                            EventLog& events, BodyWatch& watch);
 
 // The procedure: processes the hub's latest results, stores what it solves, notifies the watch and the

@@ -106,7 +106,8 @@ void write_cameras(const std::vector<CameraMetrics>& cameras, MetricsText& text)
     write_connections(cameras, text);
     text.gauge(
         "kinevox_camera_silhouette_iou",
-        "IoU of the volume's projection and the silhouette, 0 to 1; absent while no subject is tracked.");
+        "IoU of the volume's projection and the silhouette, 0 to 1, of several subjects the lowest; absent "
+        "while no subject is tracked.");
     for (const CameraMetrics& camera : cameras)
         if (camera.silhouette_iou) text.sample(*camera.silhouette_iou, {{"camera", camera.name}});
     text.gauge("kinevox_camera_scene_shift_pixels",

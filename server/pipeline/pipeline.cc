@@ -512,7 +512,8 @@ PoseStage& StagedPipeline::lane_of(const FrameResult& result, std::uint32_t subj
             return subject.track.subject_id == each.subject_id;
         });
     });
-    lane.subject_id = subject_id;
+    const bool first_use = std::exchange(lane.subject_id, subject_id) == 0;
+    if (!first_use && options_.tracker.max_subjects > 1) lane.stage->set_body(options_.posing.body);
     lane.last_time_ns = result.capture_time_ns;
     lane.stage->reset();
     lane.stage->set_proposer(pose_lanes_.front().stage->proposer());

@@ -5,7 +5,9 @@
 #include <absl/status/statusor.h>
 
 #include <array>
+#include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <string_view>
 
@@ -70,6 +72,9 @@ struct BodyShape {
     double& operator[](BodyLength which) { return lengths_m[which]; }
     bool operator==(const BodyShape&) const = default;
 };
+
+// Of a subject the body that its poses are measured with; of 0, that of the next subject. Null: none is.
+using BodyOf = std::function<const BodyShape*(std::uint32_t subject_id)>;
 
 // Circumferences from the half-widths and radii, as by a tape measure.
 struct BodyGirthInfo {

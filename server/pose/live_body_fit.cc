@@ -14,8 +14,10 @@ namespace {
 constexpr double kMaxRate_hz = 30;
 constexpr double kMaxFrames =
     80;  // maximum number kept; each takes 0.3 MB and 50 ms of one core with four cameras
-constexpr double kMaxWait_s = 20;  // for a subject after a request
-constexpr int kAttempts = 3;       // automatic ones
+constexpr double kMaxWait_s = 20;         // for a subject after a request
+constexpr double kReportGone_s = 60;      // whether a requested fit succeeded
+constexpr std::size_t kMaxSubjects = 64;  // remembered, gone ones included
+constexpr int kAttempts = 3;              // automatic ones
 
 double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
     return 1e-9 * static_cast<double>(to_ns - from_ns);
@@ -24,14 +26,13 @@ double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
 }  // namespace
 
 LiveBodyFit::LiveBodyFit(std::vector<Camera> cameras, double fps, const PoseStageOptions& posing,
-                         const LiveBodyFitOptions& options, OnProgress on_progress)
+                         const LiveBodyFitOptions& options, Observers observers)
     : fps_(fps),
       posing_(posing),
       options_(options),
-      on_progress_(std::move(on_progress)),
-      cameras_(std::make_shared<const std::vector<Camera>>(std::move(cameras))),
-      attempts_left_(options.automatic ? kAttempts : 0) {
-    progress_.body = posing.body;
+      observers_(std::move(observers)),
+      cameras_(std::make_shared<const std::vector<Camera>>(std::move(cameras))) {
+    subject_of(0);
     worker_ = std::thread([this] { fit_loop(); });
 }
 
@@ -43,76 +44,181 @@ LiveBodyFit::~LiveBodyFit() {
 void LiveBodyFit::close() {
     const std::scoped_lock lock(mutex_);
     closed_ = true;
-    stop_.request_stop();
+    for (auto& [key, subject] : subjects_) subject.stop.request_stop();
     changed_.notify_all();
 }
 
-absl::Status LiveBodyFit::start(double seconds) {
+absl::Status LiveBodyFit::start(std::uint32_t subject_id, double seconds) {
     if (!(seconds >= kMinSeconds && seconds <= kMaxSeconds))
         return absl::InvalidArgumentError(
             fmt::format("duration is {} s; {} to {} s is allowed", seconds, kMinSeconds, kMaxSeconds));
     {
         const std::scoped_lock lock(mutex_);
         if (closed_) return absl::UnavailableError("the daemon is shutting down; the body is not fitted");
-        begin(seconds, true);
+        begin(options_.several_subjects ? subject_id : 0, seconds, true);
     }
-    report();
+    report({});
     return absl::OkStatus();
 }
 
-// With the mutex held.
-void LiveBodyFit::begin(double seconds, bool requested) {
-    stop_.request_stop();
-    to_fit_.reset();
-    collecting_.emplace(Collecting{});
-    collecting_->seconds = seconds;
-    collecting_->requested = requested;
-    if (requested) attempts_left_ = 0;  // an automatic fit does not replace a requested one
-    progress_.state = BodyFitState::kCollecting;
-    progress_.progress = 0;
-    progress_.requested = requested;
-    progress_.message.clear();
+void LiveBodyFit::capture_ended() {
+    const std::scoped_lock lock(mutex_);
+    run_ended_ = true;
 }
 
-void LiveBodyFit::observe(std::int64_t time_ns, const PoseObservation* seen) {
+LiveBodyFit::Subject& LiveBodyFit::subject_of(std::uint32_t key) {
+    const auto [found, is_new] = subjects_.try_emplace(key);
+    Subject& subject = found->second;
+    if (!is_new) return subject;
+    subject.progress.subject_id = key;
+    subject.progress.body = posing_.body;
+    if (options_.automatic) subject.attempts_left = kAttempts;
+    return subject;
+}
+
+void LiveBodyFit::cancel(std::uint32_t key) {
+    subject_of(key).stop.request_stop();
+    std::erase_if(to_fit_, [key](const ToFit& job) { return job.key == key; });
+}
+
+void LiveBodyFit::begin(std::uint32_t key, double seconds, bool requested) {
+    cancel(key);
+    Subject& subject = subject_of(key);
+    subject.collecting.emplace(Collecting{});
+    subject.collecting->seconds = seconds;
+    subject.collecting->requested = requested;
+    if (requested) subject.attempts_left = 0;  // an automatic fit does not replace a requested one
+    subject.progress.state = BodyFitState::kCollecting;
+    subject.progress.progress = 0;
+    subject.progress.requested = requested;
+    subject.progress.message.clear();
+}
+
+void LiveBodyFit::fail(Subject& subject, std::string message, Ended& ended) {
+    subject.collecting.reset();
+    subject.progress.state = BodyFitState::kFailed;
+    subject.progress.message = std::move(message);
+    ended.push_back(subject.progress);
+}
+
+// A replay restarted, possibly with another subject, or the capture did: then ids are of others, too.
+bool LiveBodyFit::restart() {
+    if (!options_.several_subjects) {
+        Subject& only = subjects_[0];
+        if (only.collecting) {
+            begin(0, only.collecting->seconds, only.collecting->requested);
+            return true;
+        }
+        if (options_.automatic && !only.progress.requested) only.attempts_left = kAttempts;
+        return false;
+    }
+    for (auto& [key, subject] : subjects_)
+        if (key != 0) cancel(key);
+    std::erase_if(subjects_, [](const auto& each) { return each.first != 0; });
+    if (Subject& next = subjects_[0]; next.collecting) begin(0, next.collecting->seconds, true);
+    return true;
+}
+
+bool LiveBodyFit::observe_one(std::uint32_t key, std::int64_t time_ns, const PoseObservation* seen,
+                              Ended& ended) {
+    Subject& subject = subject_of(key);
+    bool changed = false;
+    if (!subject.collecting && seen && subject.attempts_left > 0 &&
+        subject.progress.state != BodyFitState::kFitting) {
+        --subject.attempts_left;
+        begin(key, options_.automatic_duration_s, false);
+        changed = true;
+    }
+    if (!subject.collecting) return changed;
+    Collecting& collecting = *subject.collecting;
+    if (!collecting.requested_ns) collecting.requested_ns = time_ns;
+    const double before = subject.progress.progress;
+    if (seen) {
+        keep(key, time_ns, *seen);
+    } else if (collecting.requested && collecting.frames.empty() &&
+               seconds_between(*collecting.requested_ns, time_ns) > kMaxWait_s) {
+        fail(subject,
+             fmt::format("no subject for {} s; step into the capture space and try again", kMaxWait_s),
+             ended);
+        return true;
+    }
+    return changed || static_cast<int>(10 * before) != static_cast<int>(10 * subject.progress.progress) ||
+           !subject.collecting;
+}
+
+bool LiveBodyFit::observe_several(std::int64_t time_ns, std::span<const Seen> tracked, Ended& ended) {
+    bool changed = observe_gone(time_ns, tracked, ended);
+    for (const Seen& seen : tracked) {
+        const bool is_new = !subjects_.contains(seen.subject_id);
+        Subject& subject = subject_of(seen.subject_id);
+        changed = subject.gone_since_ns || is_new || changed;
+        subject.gone_since_ns.reset();
+        Subject& next = subjects_[0];
+        if (next.collecting) {  // it waited for this one
+            begin(seen.subject_id, next.collecting->seconds, true);
+            next.collecting.reset();
+            next.progress.state = BodyFitState::kNotStarted;
+            next.progress.requested = false;
+            changed = true;
+        }
+        changed = observe_one(seen.subject_id, time_ns, seen.observation, ended) || changed;
+    }
+    if (tracked.empty()) changed = observe_one(0, time_ns, nullptr, ended) || changed;
+    return changed;
+}
+
+bool LiveBodyFit::observe_gone(std::int64_t time_ns, std::span<const Seen> tracked, Ended& ended) {
+    bool changed = false;
+    auto oldest = subjects_.end();
+    for (auto at = subjects_.begin(); at != subjects_.end(); ++at) {
+        auto& [key, subject] = *at;
+        if (key == 0 || std::ranges::find(tracked, key, &Seen::subject_id) != tracked.end()) continue;
+        if (!subject.gone_since_ns) {
+            subject.gone_since_ns = time_ns;
+            changed = true;
+        }
+        if (oldest == subjects_.end() || subject.gone_since_ns < oldest->second.gone_since_ns) oldest = at;
+        if (!subject.collecting) continue;
+        if (!subject.collecting->requested) {
+            subject.collecting.reset();  // its observations take memory, and no client waits for it
+            subject.progress.state = subject.progress.fit ? BodyFitState::kReady : BodyFitState::kNotStarted;
+        } else if (seconds_between(*subject.gone_since_ns, time_ns) > kMaxWait_s) {
+            fail(subject, fmt::format("subject {} has left; step into the capture space and try again", key),
+                 ended);
+            changed = true;
+        }
+    }
+    if (subjects_.size() > kMaxSubjects && oldest != subjects_.end()) {
+        cancel(oldest->first);
+        subjects_.erase(oldest);
+    }
+    return changed;
+}
+
+void LiveBodyFit::observe(std::int64_t time_ns, std::span<const Seen> tracked) {
+    Ended ended;
     bool changed = false;
     {
         const std::scoped_lock lock(mutex_);
-        if (std::exchange(last_time_ns_, time_ns) >
-            time_ns) {  // a replay restarted, possibly with another subject
-            if (collecting_)
-                begin(collecting_->seconds, collecting_->requested), changed = true;
-            else if (options_.automatic && !progress_.requested)
-                attempts_left_ = kAttempts;
+        const bool back = std::exchange(last_time_ns_, time_ns) > time_ns;
+        const bool run_ended = std::exchange(run_ended_, false) && options_.several_subjects;
+        if (back || run_ended) changed = restart();
+        if (closed_) return;
+        if (options_.several_subjects) {
+            changed = observe_several(time_ns, tracked, ended) || changed;
+        } else {
+            subjects_[0].progress.subject_id = tracked.empty() ? 0 : tracked.front().subject_id;
+            const PoseObservation* const seen = tracked.empty() ? nullptr : tracked.front().observation;
+            changed = observe_one(0, time_ns, seen, ended) || changed;
         }
-        if (!collecting_ && seen && attempts_left_ > 0 && progress_.state != BodyFitState::kFitting) {
-            --attempts_left_;
-            begin(options_.automatic_duration_s, false);
-            changed = true;
-        }
-        if (!collecting_ || closed_) return;
-        Collecting& collecting = *collecting_;
-        if (!collecting.requested_ns) collecting.requested_ns = time_ns;
-        const double before = progress_.progress;
-        if (seen) {
-            keep(time_ns, *seen);
-        } else if (collecting.requested && collecting.frames.empty() &&
-                   seconds_between(*collecting.requested_ns, time_ns) > kMaxWait_s) {
-            collecting_.reset();
-            progress_.state = BodyFitState::kFailed;
-            progress_.message =
-                fmt::format("no subject for {} s; step into the capture space and try again", kMaxWait_s);
-            changed = true;
-        }
-        changed =
-            changed || static_cast<int>(10 * before) != static_cast<int>(10 * progress_.progress) || to_fit_;
     }
-    if (changed) report();
+    if (changed) report(ended);
 }
 
-// With the mutex held. Keeps observations evenly spaced in time.
-void LiveBodyFit::keep(std::int64_t time_ns, const PoseObservation& seen) {
-    Collecting& collecting = *collecting_;
+// Keeps observations evenly spaced in time.
+void LiveBodyFit::keep(std::uint32_t key, std::int64_t time_ns, const PoseObservation& seen) {
+    Subject& subject = subject_of(key);
+    Collecting& collecting = *subject.collecting;
     if (!collecting.first_ns) collecting.first_ns = time_ns;
     const double apart_s = std::max(1 / kMaxRate_hz, collecting.seconds / kMaxFrames);
     constexpr double kJitter = 0.75;  // fraction of the spacing after which the next one is accepted
@@ -124,37 +230,54 @@ void LiveBodyFit::keep(std::int64_t time_ns, const PoseObservation& seen) {
         collecting.frames.push_back(std::move(frame));
         collecting.last_ns = time_ns;
     }
-    progress_.progress =
+    subject.progress.progress =
         std::clamp(seconds_between(*collecting.first_ns, time_ns) / collecting.seconds, 0.0, 1.0);
-    if (progress_.progress < 1) return;
-    to_fit_ = ToFit{cameras_, std::move(collecting.frames), collecting.requested && !options_.file.empty()};
-    collecting_.reset();
-    stop_ = std::stop_source();
-    progress_.state = BodyFitState::kFitting;
-    progress_.progress = 0;
+    if (subject.progress.progress < 1) return;
+    subject.stop = std::stop_source();
+    to_fit_.push_back({key, cameras_, std::move(collecting.frames),
+                       collecting.requested && !options_.file.empty(), subject.stop.get_token()});
+    subject.collecting.reset();
+    subject.progress.state = BodyFitState::kFitting;
+    subject.progress.progress = 0;
     changed_.notify_all();
 }
 
 void LiveBodyFit::set_cameras(std::vector<Camera> cameras) {
     const std::scoped_lock lock(mutex_);
     cameras_ = std::make_shared<const std::vector<Camera>>(std::move(cameras));
-    if (!collecting_) return;
-    const Collecting before = std::move(*collecting_);
-    begin(before.seconds, before.requested);
+    for (auto& [key, subject] : subjects_)
+        if (subject.collecting) begin(key, subject.collecting->seconds, subject.collecting->requested);
 }
 
-std::optional<BodyFit> LiveBodyFit::take_fit() {
+LiveBodyFit::BodyInUse LiveBodyFit::body_in_use(std::uint32_t subject_id) const {
     const std::scoped_lock lock(mutex_);
-    return std::exchange(fresh_, std::nullopt);
+    const auto found = subjects_.find(options_.several_subjects ? subject_id : 0);
+    if (found == subjects_.end() || !found->second.progress.fit)
+        return {posing_.body, posing_.tracker.fit.cost.standing_m};
+    const BodyFit& fit = *found->second.progress.fit;
+    return {fit.shape, fit.standing_m};
 }
 
-BodyFitProgress LiveBodyFit::progress() const {
+// With the mutex held.
+bool LiveBodyFit::is_reported(std::uint32_t key, const Subject& subject) const {
+    if (key == 0) return subjects_.size() == 1;
+    return !subject.gone_since_ns || (subject.progress.requested &&
+                                      seconds_between(*subject.gone_since_ns, last_time_ns_) < kReportGone_s);
+}
+
+std::vector<BodyFitProgress> LiveBodyFit::progress() const {
     const std::scoped_lock lock(mutex_);
-    return progress_;
+    std::vector<BodyFitProgress> all;
+    for (const auto& [key, subject] : subjects_)
+        if (is_reported(key, subject)) all.push_back(subject.progress);
+    if (all.empty()) all.push_back(subjects_.at(0).progress);
+    return all;
 }
 
-void LiveBodyFit::report() {
-    if (on_progress_) on_progress_(progress());
+void LiveBodyFit::report(const Ended& ended) {
+    if (observers_.on_progress) observers_.on_progress(progress());
+    if (observers_.on_end)
+        for (const BodyFitProgress& each : ended) observers_.on_end(each);
 }
 
 void LiveBodyFit::fit_loop() {
@@ -162,57 +285,58 @@ void LiveBodyFit::fit_loop() {
     oneapi::tbb::task_arena alone(1);  // not the pipeline's workers
     while (true) {
         std::unique_lock lock(mutex_);
-        changed_.wait(lock, [&] { return closed_ || to_fit_; });
+        changed_.wait(lock, [&] { return closed_ || !to_fit_.empty(); });
         if (closed_) return;
-        const ToFit job = std::move(*to_fit_);
-        to_fit_.reset();
-        const std::stop_token stop = stop_.get_token();
+        const ToFit job = std::move(to_fit_.front());
+        to_fit_.pop_front();
         lock.unlock();
-        alone.execute([&] { fit(job, stop); });
+        alone.execute([&] { fit(job); });
     }
 }
 
-void LiveBodyFit::fit(const ToFit& job, std::stop_token stop) {
+void LiveBodyFit::fit(const ToFit& job) {
     std::vector<const PoseObservation*> seen;
     for (const auto& frame : job.frames) seen.push_back(frame.get());
-    const auto fitted =
-        fit_body(*job.cameras, fps_, seen, posing_.body, posing_, options_.fit, stop, [&](double progress) {
+    const auto fitted = fit_body(
+        *job.cameras, fps_, seen, posing_.body, posing_, options_.fit, job.stop, [&](double progress) {
             {
                 const std::scoped_lock lock(mutex_);
-                if (stop.stop_requested()) return;
-                const bool same =
-                    static_cast<int>(10 * progress) == static_cast<int>(10 * progress_.progress);
-                progress_.progress = progress;
+                if (job.stop.stop_requested()) return;
+                double& shown = subjects_.at(job.key).progress.progress;
+                const bool same = static_cast<int>(10 * progress) == static_cast<int>(10 * shown);
+                shown = progress;
                 if (same) return;
             }
-            report();
+            report({});
         });
     // Stores before applying, so that the active body is always on disk.
     absl::Status stored;
     if (fitted.ok() && job.store) stored = write_body_shape(fitted->shape, options_.file);
+    Ended ended;
     {
         const std::scoped_lock lock(mutex_);
-        if (stop.stop_requested()) return;  // superseded by another fit
+        if (job.stop.stop_requested()) return;  // superseded by another fit
+        Subject& subject = subjects_.at(job.key);
         if (!fitted.ok()) {
-            progress_.state = BodyFitState::kFailed;
-            progress_.message = std::string(fitted.status().message());
+            fail(subject, std::string(fitted.status().message()), ended);
         } else {
-            attempts_left_ = 0;
-            fresh_ = *fitted;
-            progress_.state = BodyFitState::kReady;
-            progress_.progress = 1;
-            progress_.body = fitted->shape;
-            progress_.fit = *fitted;
-            progress_.stored_path = job.store && stored.ok() ? options_.file : std::filesystem::path();
-            progress_.message = fmt::format(
+            BodyFitProgress& progress = subject.progress;
+            subject.attempts_left = 0;
+            progress.state = BodyFitState::kReady;
+            progress.progress = 1;
+            progress.body = fitted->shape;
+            progress.fit = *fitted;
+            progress.stored_path = job.store && stored.ok() ? options_.file : std::filesystem::path();
+            progress.message = fmt::format(
                 "stature {:.2f} m, fitted to {} frame sets, contour residual {:.0f} mm{}",
                 fitted->shape.stature_m, fitted->frame_set_count, 1000 * fitted->contour_residual_rms_m,
                 !job.store    ? ""
                 : stored.ok() ? "; stored in " + options_.file.string()
                               : "; cannot be stored: " + std::string(stored.message()));
+            ended.push_back(progress);
         }
     }
-    report();
+    report(ended);
 }
 
 }  // namespace kinevox

@@ -1,19 +1,22 @@
-// Fits the body model to the captured subject in the background: on request, and automatically from the first
-// seconds with a subject.
+// Fits the body model to the captured subjects in the background: on request, and automatically from the
+// first seconds with a subject.
 //
-// Threads: the pipeline calls observe() and take_fit(), any thread the others. The callback may come from
-// any thread and must not call back into this class.
+// Threads: the pipeline calls observe() and body_in_use(), any thread the others. The callbacks may come
+// from any thread and must not call back into this class.
 #pragma once
 
 #include <absl/status/status.h>
 
 #include <condition_variable>
 #include <cstdint>
+#include <deque>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <stop_token>
 #include <string>
 #include <thread>
@@ -26,6 +29,7 @@ namespace kinevox {
 enum class BodyFitState { kNotStarted, kCollecting, kFitting, kReady, kFailed };
 
 struct BodyFitProgress {
+    std::uint32_t subject_id = 0;  // 0: of the next subject, while none is tracked
     BodyFitState state = BodyFitState::kNotStarted;
     double progress = 0;                // of collecting, then of fitting, 0..1
     bool requested = false;             // false: started automatically
@@ -39,16 +43,21 @@ struct LiveBodyFitOptions {
     bool automatic = true;  // fits to the first seconds with a subject
     double automatic_duration_s = 6;
     std::filesystem::path file;  // stores bodies fitted on request; empty: does not store
+    // Each subject has a body of its own; otherwise all share one, since a subject who returns has a new id.
+    bool several_subjects = false;
     BodyFitOptions fit;
 };
 
 class LiveBodyFit {
   public:
-    using OnProgress = std::function<void(const BodyFitProgress&)>;
+    struct Observers {
+        std::function<void(const std::vector<BodyFitProgress>&)> on_progress;  // as progress()
+        std::function<void(const BodyFitProgress&)> on_end;  // of one fit, which is ready or has failed
+    };
 
     // `posing` as in the pipeline; each fit starts from its body.
     LiveBodyFit(std::vector<Camera> cameras, double fps, const PoseStageOptions& posing,
-                const LiveBodyFitOptions& options, OnProgress on_progress = {});
+                const LiveBodyFitOptions& options, Observers observers = {});
     ~LiveBodyFit();
     LiveBodyFit(const LiveBodyFit&) = delete;
     LiveBodyFit& operator=(const LiveBodyFit&) = delete;
@@ -56,19 +65,30 @@ class LiveBodyFit {
     // Bounds and default of start()'s duration.
     static constexpr double kDefaultSeconds = 4;
     static constexpr double kMinSeconds = 1, kMaxSeconds = 30;
-    // Fits to the next `seconds` with a subject; cancels a running fit. InvalidArgument outside the bounds
-    // above, Unavailable after close().
-    absl::Status start(double seconds);
+    // Fits to the next `seconds` with a subject, 0: the next one to appear; cancels a running fit of it.
+    // InvalidArgument outside the bounds above, Unavailable after close().
+    absl::Status start(std::uint32_t subject_id, double seconds);
 
-    // Call after each frame set; null: no subject. Copies at most 30 observations per second.
-    void observe(std::int64_t time_ns, const PoseObservation* seen);
+    struct Seen {
+        std::uint32_t subject_id = 0;
+        const PoseObservation* observation = nullptr;  // null: the frame set does not show it
+    };
+    // Call after each frame set with those tracked. Copies at most 30 observations per second of each.
+    void observe(std::int64_t time_ns, std::span<const Seen> tracked);
+    // The next frame set is of another run, whose ids are of other subjects.
+    void capture_ended();
     // Another calibration of the same cameras. Drops collected observations; a running fit continues with the
     // previous calibration. Must not be concurrent with observe().
     void set_cameras(std::vector<Camera> cameras);
-    // The fit since the last call, if any.
-    std::optional<BodyFit> take_fit();
+    struct BodyInUse {
+        BodyShape shape;
+        double standing_m = 0;  // as in PoseCostOptions
+    };
+    BodyInUse body_in_use(std::uint32_t subject_id) const;
 
-    BodyFitProgress progress() const;
+    // Of each subject tracked, ordered by id, and of one that left while a requested fit waited for it; at
+    // least one.
+    std::vector<BodyFitProgress> progress() const;
     // For shutdown: cancels; nothing is fitted afterwards.
     void close();
 
@@ -76,9 +96,11 @@ class LiveBodyFit {
     using Frames = std::vector<std::unique_ptr<PoseObservation>>;
     using Cameras = std::shared_ptr<const std::vector<Camera>>;  // the frames point into them
     struct ToFit {
+        std::uint32_t key = 0;  // of the subject in subjects_
         Cameras cameras;
         Frames frames;
         bool store = false;
+        std::stop_token stop;
     };
     struct Collecting {
         double seconds = 0;
@@ -88,29 +110,45 @@ class LiveBodyFit {
         Frames frames;
     };
 
-    void begin(double seconds, bool requested);
-    void keep(std::int64_t time_ns, const PoseObservation& seen);
+    struct Subject {
+        BodyFitProgress progress;
+        std::optional<Collecting> collecting;
+        std::stop_source stop;  // of the running fit
+        int attempts_left = 0;  // automatic ones
+        std::optional<std::int64_t> gone_since_ns;
+    };
+    using Ended = std::vector<BodyFitProgress>;  // to be passed on without the mutex
+
+    // With the mutex held. True: the progress changed.
+    void begin(std::uint32_t key, double seconds, bool requested);
+    void cancel(std::uint32_t key);
+    void fail(Subject& subject, std::string message, Ended& ended);
+    void keep(std::uint32_t key, std::int64_t time_ns, const PoseObservation& seen);
+    bool restart();
+    Subject& subject_of(std::uint32_t key);
+    bool observe_one(std::uint32_t key, std::int64_t time_ns, const PoseObservation* seen, Ended& ended);
+    bool observe_several(std::int64_t time_ns, std::span<const Seen> tracked, Ended& ended);
+    bool observe_gone(std::int64_t time_ns, std::span<const Seen> tracked, Ended& ended);
+    bool is_reported(std::uint32_t key, const Subject& subject) const;
+
     void fit_loop();
-    void fit(const ToFit& job, std::stop_token stop);
-    void report();
+    void fit(const ToFit& job);
+    void report(const Ended& ended);
 
     const double fps_;
     const PoseStageOptions posing_;
     const LiveBodyFitOptions options_;
-    const OnProgress on_progress_;
+    const Observers observers_;
 
     mutable std::mutex mutex_;  // guards the members down to the blank line
     std::condition_variable changed_;
     Cameras cameras_;
-    BodyFitProgress progress_;
-    std::optional<Collecting> collecting_;
-    std::optional<ToFit> to_fit_;
-    std::stop_source stop_;  // of the running fit
-    std::optional<BodyFit> fresh_;
-    int attempts_left_ = 0;  // automatic ones
-    bool closed_ = false;
+    // By id. 0 is always there: the only one of several_subjects = false, else the next to appear.
+    std::map<std::uint32_t, Subject> subjects_;
+    std::deque<ToFit> to_fit_;
+    bool closed_ = false, run_ended_ = false;
+    std::int64_t last_time_ns_ = 0;
 
-    std::int64_t last_time_ns_ = 0;  // observe()'s own
     std::thread worker_;
 };
 

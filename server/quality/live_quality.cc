@@ -44,7 +44,7 @@ void LiveQuality::set_cameras(std::vector<Camera> cameras) {
     report_.reset();
 }
 
-void LiveQuality::observe(const FrameResult& result, const BodyShape* body) {
+void LiveQuality::observe(const FrameResult& result, const BodyOf& body_of) {
     {
         const std::scoped_lock lock(mutex_);
         const std::int64_t since = result.capture_time_ns - last_time_ns_;
@@ -54,7 +54,13 @@ void LiveQuality::observe(const FrameResult& result, const BodyShape* body) {
         next_->result.sequence = result.sequence;
         next_->result.frame_set = result.frame_set;
         next_->result.subjects = result.subjects;
-        if (body) next_->body = *body;
+        const auto take_body = [&](std::uint32_t key, std::uint32_t subject_id) {
+            if (const BodyShape* const body = body_of(subject_id)) next_->bodies[key] = *body;
+        };
+        if (!options_.several_subjects) take_body(0, 0);
+        if (options_.several_subjects)
+            for (const SubjectResult& subject : result.subjects)
+                take_body(subject.track.subject_id, subject.track.subject_id);
     }
     changed_.notify_all();
 }
@@ -74,7 +80,7 @@ void LiveQuality::work() {
             one = std::move(next_);
             if (std::exchange(restart_, false)) {
                 observer_.reset();
-                poses_.clear();
+                subjects_.clear();
                 since_judged_ = 0;
             }
             if (!observer_)
@@ -85,21 +91,44 @@ void LiveQuality::work() {
     }
 }
 
+void LiveQuality::add_poses(const Observed& one) {
+    const auto add = [&](std::uint32_t key, const SubjectResult* result) {
+        Subject& subject = subjects_[key];
+        subject.poses.push_back({one.result.sequence, result ? result->pose : nullptr});
+        if (const auto body = one.bodies.find(key); body != one.bodies.end()) subject.body = body->second;
+    };
+    if (!options_.several_subjects) add(0, one.result.first_subject());
+    if (options_.several_subjects)
+        for (const SubjectResult& subject : one.result.subjects) add(subject.track.subject_id, &subject);
+    for (auto& [id, subject] : subjects_)
+        while (!subject.poses.empty() && subject.poses.front().sequence < observer_->first_sequence())
+            subject.poses.pop_front();
+    std::erase_if(subjects_, [](const auto& each) { return each.second.poses.empty(); });
+}
+
+// As in `kinevox process`, those in a tenth of the frame sets or more.
+std::vector<PosedSubject> LiveQuality::followed() const {
+    std::vector<PosedSubject> out;
+    for (const auto& [id, subject] : subjects_)
+        if (10 * subject.poses.size() >= options_.samples)
+            out.push_back(
+                {id, {subject.poses.begin(), subject.poses.end()}, subject.body ? &*subject.body : nullptr});
+    return out;
+}
+
 void LiveQuality::judge_one(std::unique_ptr<Observed> one) {
     if (one->result.frame_set.images.empty()) return;
     observer_->add(one->result);
-    const SubjectResult* const subject = one->result.first_subject();
-    poses_.push_back({one->result.sequence, subject ? subject->pose : nullptr});
-    while (poses_.front().sequence < observer_->first_sequence()) poses_.pop_front();
+    add_poses(*one);
     if (++since_judged_ < options_.judge_after) return;
     since_judged_ = 0;
-    const std::vector<PosedFrame> poses(poses_.begin(), poses_.end());
-    const Measurements seen = observer_->measure(poses, one->body ? &*one->body : nullptr);
+    const std::vector<Measurements> subjects = observer_->measure(followed(), options_.subjects_selected);
+    const Measurements& seen = subjects.front();
     const bool empty_room =
         seen.pose.subject_fraction == 0 &&
         std::ranges::none_of(seen.cameras, [](const auto& camera) { return camera.seen_fraction > 0.5; });
     std::optional<QualityReport> report;
-    if (!empty_room) report = judge(seen);
+    if (!empty_room) report = judge_worst(subjects);
     const std::scoped_lock lock(mutex_);
     if (!restart_) report_ = std::move(report);
 }

@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -24,6 +25,8 @@ struct LiveQualityOptions {
     std::size_t samples = 24;                                                   // judged together
     std::size_t judge_after = 20;                                               // samples, again and again
     int max_side_px = 480;                                                      // of the reduced images
+    bool several_subjects = false;   // are followed; otherwise all tracked ones are one person
+    bool subjects_selected = false;  // by rules that exclude other people
 };
 
 // set_background(), observe() and report() by any thread; none blocks.
@@ -37,18 +40,24 @@ class LiveQuality {
                         std::shared_ptr<const std::vector<std::vector<Image>>> background);
     // Begins again with the same background.
     void set_cameras(std::vector<Camera> cameras);
-    // Each result; `body`: of its pose, null without poses.
-    void observe(const FrameResult& result, const BodyShape* body);
+    // Each result, and the bodies it was measured with.
+    void observe(const FrameResult& result, const BodyOf& body_of);
     // Empty until enough was observed, and while nothing moves in the scene.
     std::optional<QualityReport> report() const;
 
   private:
     struct Observed {
-        FrameResult result;  // without silhouettes and events
+        FrameResult result;                         // without silhouettes and events
+        std::map<std::uint32_t, BodyShape> bodies;  // by subject, 0: the next one's; empty without poses
+    };
+    struct Subject {
+        std::deque<PosedFrame> poses;  // of the samples held
         std::optional<BodyShape> body;
     };
     void work();
     void judge_one(std::unique_ptr<Observed> one);
+    void add_poses(const Observed& one);
+    std::vector<PosedSubject> followed() const;
 
     const LiveQualityOptions options_;
     mutable std::mutex mutex_;  // guards the members down to the blank line
@@ -60,8 +69,8 @@ class LiveQuality {
     std::int64_t last_time_ns_ = 0;
     std::optional<QualityReport> report_;
 
-    std::unique_ptr<Observer> observer_;  // these are the thread's own
-    std::deque<PosedFrame> poses_;
+    std::unique_ptr<Observer> observer_;         // these are the thread's own
+    std::map<std::uint32_t, Subject> subjects_;  // by id; 0 alone if one is followed
     std::size_t since_judged_ = 0;
     std::thread thread_;
 };

@@ -2,6 +2,7 @@
 // capture.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -90,6 +91,7 @@ struct Measurements {
     double several_people_fraction = 0;
     int followed_subjects = 1;       // each with a pose of its own
     bool subjects_selected = false;  // by rules that exclude others
+    std::uint32_t subject_id = 0;    // whose body and pose follow; 0: the only one's
     RigMeasurements rig;
     WorldMeasurements world;
     BodyMeasurements body;

@@ -169,7 +169,8 @@ std::uint64_t Observer::first_sequence() const {
     return state_->seen.samples.empty() ? 0 : state_->seen.samples.front().sequence;
 }
 
-Measurements Observer::measure(std::span<const PosedFrame> poses, const BodyShape* body) const {
+// `silhouettes` become those of the moving subjects.
+Measurements Observer::measure_scene(SilhouetteSet& silhouettes) const {
     const State& state = *state_;
     const Samples& seen = state.seen;
     Measurements out;
@@ -179,28 +180,35 @@ Measurements Observer::measure(std::span<const PosedFrame> poses, const BodyShap
     measure_light(seen, out.cameras);
     measure_ghosts(seen, out.cameras);
     std::vector<cv::Mat> still = measure_still(seen, out.cameras);
-    SilhouetteSet subject = subject_silhouettes(seen, still);
-    out.world = measure_world(seen, subject);
+    silhouettes = subject_silhouettes(seen, still);
+    out.world = measure_world(seen, silhouettes);
     if (is_part_of_subject(seen, still, out)) {
         for (cv::Mat& mask : still) mask = cv::Scalar(0);
         for (CameraMeasurements& camera : out.cameras)
             camera.still_area_ratio = camera.still_in_background_fraction = 0;
-        subject = subject_silhouettes(seen, still);
-        out.world = measure_world(seen, subject);
+        silhouettes = subject_silhouettes(seen, still);
+        out.world = measure_world(seen, silhouettes);
     }
     out.several_people_fraction = measure_people(seen, still);
-    measure_view(seen, subject, out.cameras);
-    out.rig = measure_rig(seen, subject, out.cameras);
+    measure_view(seen, silhouettes, out.cameras);
+    out.rig = measure_rig(seen, silhouettes, out.cameras);
     if (!state.litres.empty()) out.world.volume_litres = quantile_or(state.litres, 0.5, 0);
     const auto tracked = std::ranges::count(state.tracked, 1);
     out.pose.subject_fraction = static_cast<double>(tracked) / static_cast<double>(state.tracked.size());
-    if (!body) return out;
-    out.body.stature_m = body->stature_m;
-    std::int64_t withheld = 0, joints = 0, posed = 0;
+    return out;
+}
+
+void Observer::measure_subject(const PosedSubject& posed, const SilhouetteSet& silhouettes,
+                               Measurements& out) const {
+    const State& state = *state_;
+    out.subject_id = posed.id;
+    if (!posed.body) return;
+    out.body.stature_m = posed.body->stature_m;
+    std::int64_t withheld = 0, joints = 0, pose_count = 0;
     std::vector<double> stds, residuals, lowest;
-    for (const PosedFrame& frame : poses) {
+    for (const PosedFrame& frame : posed.poses) {
         if (!frame.pose) continue;
-        ++posed;
+        ++pose_count;
         residuals.push_back(frame.pose->contour_residual_rms_m);
         for (const JointEstimate& joint : frame.pose->joints) {
             ++joints;
@@ -209,14 +217,33 @@ Measurements Observer::measure(std::span<const PosedFrame> poses, const BodyShap
         }
         if (const std::optional<double> z = lowest_foot(*frame.pose)) lowest.push_back(*z);
     }
-    if (tracked > 0) out.pose.posed_fraction = static_cast<double>(posed) / static_cast<double>(tracked);
-    if (posed == 0) return out;
+    const auto tracked =
+        std::min<std::ptrdiff_t>(std::ranges::count(state.tracked, 1), std::ssize(posed.poses));
+    if (tracked > 0) out.pose.posed_fraction = static_cast<double>(pose_count) / static_cast<double>(tracked);
+    if (pose_count == 0) return;
     out.pose.withheld_fraction = static_cast<double>(withheld) / static_cast<double>(joints);
     if (!stds.empty()) out.pose.joint_std_m = quantile_or(stds, 0.5, 0);
     if (!lowest.empty()) out.pose.lowest_m = quantile_or(lowest, 0.5, 0);
     out.pose.contour_residual_m = quantile_or(residuals, 0.5, 0);
-    out.pose.posed_iou = measure_posed_iou(seen, subject, poses, *body, out.cameras);
-    return out;
+    if (out.followed_subjects == 1 && !out.subjects_selected)
+        out.pose.posed_iou =
+            measure_posed_iou(state.seen, silhouettes, posed.poses, *posed.body, out.cameras);
+}
+
+std::vector<Measurements> Observer::measure(std::span<const PosedSubject> subjects, bool selected) const {
+    SilhouetteSet silhouettes;
+    Measurements scene = measure_scene(silhouettes);
+    scene.subjects_selected = selected;
+    if (subjects.size() > 1 || selected) {
+        scene.followed_subjects = static_cast<int>(subjects.size());
+        // These compare the silhouettes of all people with one body.
+        scene.rig = {.side_px = scene.rig.side_px};
+        scene.world.subject_height_m = scene.world.max_height_m = scene.world.lowest_m = std::nullopt;
+    }
+    std::vector<Measurements> all(std::max<std::size_t>(1, subjects.size()), scene);
+    if (state_->seen.samples.empty()) return all;
+    for (std::size_t n = 0; n < subjects.size(); ++n) measure_subject(subjects[n], silhouettes, all[n]);
+    return all;
 }
 
 }  // namespace kinevox::quality

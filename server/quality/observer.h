@@ -14,6 +14,10 @@
 #include "server/pose/body_shape.h"
 #include "server/quality/measurements.h"
 
+namespace kinevox {
+struct SilhouetteSet;
+}
+
 namespace kinevox::quality {
 
 struct ObserverOptions {
@@ -28,6 +32,13 @@ struct PosedFrame {
     std::shared_ptr<const BodyPose> pose;  // null: none
 };
 
+// The poses of one subject, as far as it was tracked.
+struct PosedSubject {
+    std::uint32_t id = 0;  // 0: the only one
+    std::vector<PosedFrame> poses;
+    const BodyShape* body = nullptr;  // with which they were found; null without poses
+};
+
 // Not thread safe.
 class Observer {
   public:
@@ -38,13 +49,18 @@ class Observer {
 
     // Every frame set, in order.
     void add(const FrameResult& result);
-    // `poses`: of all frame sets; `body`: with which they were found, null without poses. Everything but
-    // RigMeasurements::time, and of the body what is known only to the caller.
-    Measurements measure(std::span<const PosedFrame> poses, const BodyShape* body) const;
+    // Of each subject and the scene, which is measured once; without subjects one of the scene. Everything
+    // but RigMeasurements::time, and of the body what is known only to the caller. With several subjects,
+    // or where rules select them (`selected`), what compares the silhouettes of all people with one body is
+    // absent.
+    std::vector<Measurements> measure(std::span<const PosedSubject> subjects, bool selected = false) const;
     // Sequence numbers below are not needed by measure() any more.
     std::uint64_t first_sequence() const;
 
   private:
+    Measurements measure_scene(SilhouetteSet& silhouettes) const;
+    void measure_subject(const PosedSubject& posed, const SilhouetteSet& silhouettes,
+                         Measurements& out) const;
     struct State;
     std::unique_ptr<State> state_;
 };

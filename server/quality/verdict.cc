@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <string_view>
 
 namespace kinevox::quality {
 namespace {
@@ -66,6 +67,7 @@ Json json_of(const Measurements& seen) {
                 {"tilt_deg", number(seen.world.tilt_deg)},
                 {"subject_tilt_deg", number(seen.world.subject_tilt_deg)},
                 {"lowest_m", number(seen.world.lowest_m)}};
+    if (seen.followed_subjects > 1) out["subject"] = seen.subject_id;
     Json hypotheses = Json::object();
     const auto add = [&](const char* kind, const std::optional<RigHypothesis>& one) {
         if (!one) return;
@@ -89,6 +91,13 @@ Json json_of(const Measurements& seen) {
     return out;
 }
 
+// Those of judge_body.cc.
+bool is_about_subject(const Cause& cause) {
+    static constexpr std::array<std::string_view, 4> kCauses{"scale", "wrong_body", "silhouettes",
+                                                             "withheld"};
+    return std::ranges::find(kCauses, cause.cause) != kCauses.end();
+}
+
 std::string short_number(const char* name, const std::optional<double>& value, int digits, double scale = 1,
                          const char* unit = "") {
     return value ? fmt::format(", {} {:.{}f}{}", name, scale * *value, digits, unit) : std::string();
@@ -110,6 +119,25 @@ QualityReport judge(const Measurements& measurements) {
     return report;
 }
 
+QualityReport judge_worst(std::span<const Measurements> subjects) {
+    std::optional<QualityReport> worst;
+    const auto is_worse = [](const QualityReport& one, const QualityReport& other) {
+        if (one.verdict != other.verdict) return one.verdict > other.verdict;
+        const PoseMeasurements &a = one.measurements.pose, &b = other.measurements.pose;
+        if (a.withheld_fraction != b.withheld_fraction) return a.withheld_fraction > b.withheld_fraction;
+        return a.joint_std_m.value_or(0) > b.joint_std_m.value_or(0);
+    };
+    for (const Measurements& subject : subjects) {
+        QualityReport report = judge(subject);
+        if (!worst || is_worse(report, *worst)) worst = std::move(report);
+    }
+    if (worst->measurements.followed_subjects > 1)
+        for (Cause& cause : worst->causes)
+            if (is_about_subject(cause))
+                cause.reason = fmt::format("subject {}: {}", worst->measurements.subject_id, cause.reason);
+    return *std::move(worst);
+}
+
 std::string quality_json(const QualityReport& report) {
     Json causes = Json::array();
     for (const Cause& cause : report.causes) causes.push_back(json_of(cause));
@@ -127,7 +155,10 @@ std::string quality_text(const QualityReport& report) {
     out += short_number("hull IoU", seen.rig.hull_iou, 2);
     out += short_number("contour residual", seen.pose.contour_residual_m, 0, 1000, " mm");
     out += short_number("stated std", seen.pose.joint_std_m, 0, 1000, " mm");
-    out += fmt::format(", withheld {:.1f} %\n", 100 * seen.pose.withheld_fraction);
+    out += fmt::format(", withheld {:.1f} %", 100 * seen.pose.withheld_fraction);
+    if (seen.followed_subjects > 1)
+        out += fmt::format(" (subject {}, the worst of {})", seen.subject_id, seen.followed_subjects);
+    out += '\n';
     if (report.causes.empty()) return out;
     const Cause& cause = report.causes.front();
     return out + fmt::format("  {}: {}\n  remedy: {}\n", cause.cause, cause.reason, cause.remedy);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,8 @@ struct QualityReport {
 };
 
 QualityReport judge(const Measurements& measurements);
+// Of several subjects the worst one's; its causes name it. At least one.
+QualityReport judge_worst(std::span<const Measurements> subjects);
 
 // quality.json.
 std::string quality_json(const QualityReport& report);

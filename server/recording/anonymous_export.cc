@@ -25,6 +25,7 @@
 #include "server/recording/growing_files.h"
 #include "server/recording/image_encoder.h"
 #include "server/recording/recording_export.h"
+#include "server/recording/subjects_of_result.h"
 #include "server/recording/volume_file.h"
 #include "server/silhouettes/silhouettes.h"
 
@@ -33,7 +34,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-absl::Status run_pipeline(const Session& session, std::int64_t frame_sets,
+absl::Status run_pipeline(const Session& session, std::int64_t frame_sets, int max_subjects,
                           const std::function<absl::Status(const FrameResult&)>& take,
                           const JobControl& work) {
     const auto source = open_session_source(session);
@@ -44,6 +45,7 @@ absl::Status run_pipeline(const Session& session, std::int64_t frame_sets,
             fmt::format("silhouettes require a background: {}", std::string(background.status().message())));
     PipelineOptions options;  // with colours: the volume of a frame is the prior of the next
     options.pose = false;
+    options.tracker.max_subjects = max_subjects;
     const auto pipeline = Pipeline::create((*source)->cameras(), (*source)->fps(), options);
     if (!pipeline.ok()) return pipeline.status();
     if (absl::Status learned = (*pipeline)->learn_background(*background); !learned.ok()) return learned;
@@ -65,7 +67,8 @@ absl::Status run_pipeline(const Session& session, std::int64_t frame_sets,
 
 struct SilhouettePassOptions {
     std::int64_t frame_sets = 0;  // from the first
-    bool one_thread = false;      // besides the decoders': next to a running capture
+    int max_subjects = 1;
+    bool one_thread = false;  // besides the decoders': next to a running capture
 };
 
 // Passes each frame set's result to `take`, in order, without poses; stops at its first error.
@@ -73,9 +76,11 @@ struct SilhouettePassOptions {
 absl::Status find_silhouettes(const Session& session, const SilhouettePassOptions& options,
                               const std::function<absl::Status(const FrameResult&)>& take,
                               const JobControl& work) {
-    if (!options.one_thread) return run_pipeline(session, options.frame_sets, take, work);
+    if (!options.one_thread)
+        return run_pipeline(session, options.frame_sets, options.max_subjects, take, work);
     oneapi::tbb::task_arena arena(1);
-    return arena.execute([&] { return run_pipeline(session, options.frame_sets, take, work); });
+    return arena.execute(
+        [&] { return run_pipeline(session, options.frame_sets, options.max_subjects, take, work); });
 }
 
 Image grey_image(int width, int height, std::span<const std::uint8_t> values) {
@@ -102,7 +107,8 @@ absl::StatusOr<std::vector<RecordedTime>> times_of(const Session& session, std::
 
 class AnonymousFolder {
   public:
-    AnonymousFolder(const Session& session, fs::path folder) : folder_(std::move(folder)) {
+    AnonymousFolder(const Session& session, const MeasuredTrials& measured, fs::path folder)
+        : folder_(std::move(folder)), measured_(measured), matcher_(measured.trials) {
         made_.session.name = kAnonymous;
         made_.session.fps = session.fps;
         made_.session.calibration = file("calibration.toml");
@@ -111,10 +117,11 @@ class AnonymousFolder {
 
     absl::Status open(const Session& session, std::size_t frame_sets);
     absl::Status add(const FrameResult& result);
-    absl::Status add_tables(const Trial& trial);
+    absl::Status add_tables();
     absl::StatusOr<AnonymousSession> close(const Session& session);
 
   private:
+    bool several() const { return measured_.max_at_once > 1; }
     fs::path file(const std::string& name) {
         made_.files.push_back(folder_ / name);
         return made_.files.back();
@@ -122,7 +129,12 @@ class AnonymousFolder {
     absl::Status open_videos();
     absl::Status write_backgrounds();
 
+    std::vector<std::uint8_t> silhouette(const kernels::Silhouettes& seen, const Camera& camera) const;
+
     const fs::path folder_;
+    const MeasuredTrials& measured_;
+    SubjectMatcher matcher_;
+    std::vector<SubjectMatcher::Match> subjects_;  // of the frame set being added
     AnonymousSession made_;
     std::vector<Camera> cameras_;
     std::vector<RecordedTime> times_;
@@ -143,7 +155,8 @@ absl::Status AnonymousFolder::open(const Session& session, std::size_t frame_set
     if (absl::Status opened = open_videos(); !opened.ok()) return opened;
     SessionRecording& recording = *made_.session.recording;
     recording.volumes = file("volumes.kvxv");
-    auto volumes = VolumeFile::create(recording.volumes);
+    auto volumes = VolumeFile::create(
+        recording.volumes, several() ? VolumeFile::Version::kWithSubjects : VolumeFile::Version::kFirst);
     if (!volumes.ok()) return volumes.status();
     volumes_ = *std::move(volumes);
     return write_backgrounds();
@@ -181,27 +194,46 @@ absl::Status AnonymousFolder::write_backgrounds() {
     return absl::OkStatus();
 }
 
+std::vector<std::uint8_t> AnonymousFolder::silhouette(const kernels::Silhouettes& seen,
+                                                      const Camera& camera) const {
+    return several() ? silhouette_of(subjects_, seen, camera)
+                     : main_subject(seen.sharp, seen.width, seen.height);
+}
+
 absl::Status AnonymousFolder::add(const FrameResult& result) {
     const std::size_t frame = added_++;
+    if (several())
+        subjects_ = matcher_.match(result, static_cast<std::int64_t>(frame));
+    else if (const SubjectResult* const subject = result.first_subject())
+        subjects_ = {{subject->track.subject_id, subject}};
+    else
+        subjects_.clear();
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
         const kernels::Silhouettes& seen = result.silhouettes[c];
         Image image;  // stays empty if the camera delivered no image
-        if (!seen.sharp.empty())
-            image = grey_image(seen.width, seen.height, main_subject(seen.sharp, seen.width, seen.height));
+        if (!seen.sharp.empty()) image = grey_image(seen.width, seen.height, silhouette(seen, cameras_[c]));
         const auto encoded = encoders_[c]->encode(image, true);
         if (!encoded.ok()) return encoded.status();
         if (absl::Status written = videos_[c]->append(**encoded, times_[frame].time_ns); !written.ok())
             return written;
     }
-    const SubjectResult* const subject = result.first_subject();
-    if (!subject || !subject->volume) return absl::OkStatus();
-    Volume volume = *subject->volume;
-    volume.colours.clear();
-    return volumes_->append(frame, encode_volume(volume));
+    for (const SubjectMatcher::Match& subject : subjects_) {
+        std::string encoded;
+        if (subject.result->volume) {
+            Volume volume = *subject.result->volume;
+            volume.colours.clear();
+            encoded = encode_volume(volume);
+        }
+        if (encoded.empty() && !several()) continue;
+        if (absl::Status written = volumes_->append(frame, subject.id, encoded); !written.ok())
+            return written;
+    }
+    return absl::OkStatus();
 }
 
 // The trial's own tables, which contain only numbers; the body is rewritten, since users may add comments.
-absl::Status AnonymousFolder::add_tables(const Trial& trial) {
+absl::Status AnonymousFolder::add_tables() {
+    const Trial& trial = measured_.trials.front();
     std::error_code error;
     for (const std::string_view name : kPoseTableNames) {
         if (!fs::exists(trial.folder / name, error)) continue;
@@ -213,6 +245,12 @@ absl::Status AnonymousFolder::add_tables(const Trial& trial) {
         fs::permissions(target, fs::perms::owner_write, fs::perm_options::add, error);
     }
     made_.session.recording->poses = folder_ / ".";
+    for (const Trial& each : measured_.trials) {
+        if (!each.body || !several()) continue;
+        const fs::path own = file(fmt::format("body_{}.toml", each.subject_id));
+        if (absl::Status written = write_file_atomically(own, body_shape_toml(*each.body)); !written.ok())
+            return written;
+    }
     if (!trial.body) return absl::OkStatus();
     return write_file_atomically(file("body.toml"), body_shape_toml(*trial.body));
 }
@@ -282,28 +320,29 @@ std::string anonymous_camera_name(std::size_t camera) {
     return fmt::format("cam_{:02}", camera + 1);
 }
 
-absl::StatusOr<AnonymousSession> write_anonymous_session(const Session& session, const Trial& trial,
+absl::StatusOr<AnonymousSession> write_anonymous_session(const Session& session,
+                                                         const MeasuredTrials& measured,
                                                          const fs::path& folder, bool one_thread,
                                                          const JobControl& work) {
-    const std::int64_t frame_sets = *std::ranges::max_element(trial.session_frames) + 1;
-    AnonymousFolder made(session, folder);
+    const std::int64_t frame_sets = *std::ranges::max_element(measured.trials.front().session_frames) + 1;
+    AnonymousFolder made(session, measured, folder);
     if (absl::Status opened = made.open(session, static_cast<std::size_t>(frame_sets)); !opened.ok())
         return opened;
     const auto take = [&](const FrameResult& result) { return made.add(result); };
-    if (absl::Status found = find_silhouettes(session, {frame_sets, one_thread}, take, work); !found.ok())
-        return found;
-    if (absl::Status added = made.add_tables(trial); !added.ok()) return added;
+    const SilhouettePassOptions options{frame_sets, std::max(measured.max_at_once, 1), one_thread};
+    if (absl::Status found = find_silhouettes(session, options, take, work); !found.ok()) return found;
+    if (absl::Status added = made.add_tables(); !added.ok()) return added;
     return made.close(session);
 }
 
-absl::StatusOr<ExportedFiles> export_anonymous(const Session& session, const Trial& trial, const Trial& slice,
-                                               const ExportOptions& options, const fs::path& out,
-                                               const JobControl& work) {
+absl::StatusOr<ExportedFiles> export_anonymous(const Session& session, const MeasuredTrials& measured,
+                                               std::span<const Trial> slices, const ExportOptions& options,
+                                               const fs::path& out, const JobControl& work) {
     const auto camera = anonymous_name(session, options.camera);
     if (!camera.ok()) return camera.status();
     ExportedFiles written;
-    written.frames = static_cast<std::int64_t>(slice.size());
-    written.rate_hz = slice.rate_hz;
+    written.frames = static_cast<std::int64_t>(slices.front().size());
+    written.rate_hz = slices.front().rate_hz;
     const OverlayOptions overlay{.camera = *camera, .width_px = options.width_px, .silhouettes = true};
     const JobControl silhouettes = work.subrange(0, kSilhouettesFraction),
                      drawing = work.subrange(kSilhouettesFraction, 1);
@@ -313,17 +352,17 @@ absl::StatusOr<ExportedFiles> export_anonymous(const Session& session, const Tri
             return absl::UnavailableError(
                 fmt::format("{}: its folder is not writable; correct the path", out.string()));
         const auto made =
-            write_anonymous_session(session, trial, temporary.path(), options.low_priority, silhouettes);
+            write_anonymous_session(session, measured, temporary.path(), options.low_priority, silhouettes);
         if (!made.ok()) return made.status();
         written.files.push_back(out);
-        if (absl::Status done = write_overlay_video(made->session, slice, overlay, out, drawing); !done.ok())
+        if (absl::Status done = write_overlay_video(made->session, slices, overlay, out, drawing); !done.ok())
             return done;
         return written;
     }
-    auto made = write_anonymous_session(session, trial, out, options.low_priority, silhouettes);
+    auto made = write_anonymous_session(session, measured, out, options.low_priority, silhouettes);
     if (!made.ok()) return made.status();
     const fs::path video = out / "video.mp4", readme = out / "README.txt";
-    if (absl::Status done = write_overlay_video(made->session, slice, overlay, video, drawing); !done.ok())
+    if (absl::Status done = write_overlay_video(made->session, slices, overlay, video, drawing); !done.ok())
         return done;
     if (absl::Status done = write_file_atomically(readme, anonymous_readme()); !done.ok()) return done;
     written.files = std::move(made->files);
@@ -338,13 +377,13 @@ std::string anonymous_readme() {
 Contents
   video.mp4           the silhouettes with the measured skeleton
   session.toml        a Kinevox recording: `kinevox process`, `export` and `replay` read it
-  cam_NN.mkv, .index  per camera the subject's silhouette, white on black, lossless
+  cam_NN.mkv, .index  per camera the subjects' silhouettes, white on black, lossless
   cam_NN_background.mkv  the matching background: black
   calibration.toml    the cameras: metres, pixels (OpenCV's model, aniposelib's form)
   frames.csv          times of the frame sets, relative to the first one
   joints.csv, angles.csv, coordinates.csv, uncertainty.csv, withheld.csv, body.toml
                       the measured poses: metres, degrees
-  volumes.kvxv        the volume of each frame set, carved from the silhouettes
+  volumes.kvxv        the volumes of each frame set, carved from the silhouettes
 
 Removed
   images of the cameras and of the background, all colours, the names of recording, subject and cameras, date and time of

@@ -6,6 +6,7 @@
 #include <absl/status/statusor.h>
 
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -20,26 +21,34 @@ inline constexpr const char* kAnonymous = "anonymous";  // replaces every name
 // "cam_01" for the first one: camera names often contain rooms and machines.
 std::string anonymous_camera_name(std::size_t camera);
 
+// The tables of the session to export.
+struct MeasuredTrials {
+    std::vector<Trial> trials;  // one per exported subject, at least one
+    int max_at_once = 1;        // subjects in one frame set, exported or not
+};
+
 struct AnonymousSession {
     Session session;
     std::vector<std::filesystem::path> files;
 };
 
-// Writes a recording (docs/recording.md) into the existing `folder`: videos of the main subject's
-// silhouettes, white on black, black backgrounds, calibration, volumes without colours and the trial's
-// tables; times count from the first frame set. It has as many frame sets as the trial. `one_thread`:
+// Writes a recording (docs/recording.md) into the existing `folder`: videos of the silhouettes of the main
+// subject, or of those with trials where there are several, white on black, black backgrounds, calibration,
+// volumes without colours and the tables; times count from the first frame set. It has as many frame sets as
+// the trials. `one_thread`:
 // computed on one thread besides the decoders', next to a running capture. FailedPrecondition if a camera has
 // no background; Cancelled after `work.stop`; errors of reading and writing.
-absl::StatusOr<AnonymousSession> write_anonymous_session(const Session& session, const Trial& trial,
+absl::StatusOr<AnonymousSession> write_anonymous_session(const Session& session,
+                                                         const MeasuredTrials& measured,
                                                          const std::filesystem::path& folder, bool one_thread,
                                                          const JobControl& work);
 
 // README.txt: the contents, what was removed, and what still identifies the subject.
 std::string anonymous_readme();
 
-// As export_recording() for the formats mp4 (of `slice`, the requested frames of the trial) and session.
-absl::StatusOr<ExportedFiles> export_anonymous(const Session& session, const Trial& trial, const Trial& slice,
-                                               const ExportOptions& options, const std::filesystem::path& out,
-                                               const JobControl& work);
+// As export_recording() for the formats mp4 (of `slices`, the requested frames of the trials) and session.
+absl::StatusOr<ExportedFiles> export_anonymous(const Session& session, const MeasuredTrials& measured,
+                                               std::span<const Trial> slices, const ExportOptions& options,
+                                               const std::filesystem::path& out, const JobControl& work);
 
 }  // namespace kinevox

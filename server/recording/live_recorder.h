@@ -6,6 +6,7 @@
 #include <condition_variable>
 #include <deque>
 #include <future>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -42,7 +43,7 @@ class LiveRecorder final : public Recorder {
     }
 
     void offer(const FrameSet& frame_set) override;
-    void observe(const FrameResult& result, const BodyShape* body) override;
+    void observe(const FrameResult& result, const BodyOf& body_of) override;
     void background_learned(BackgroundImages images) override {
         const RecordedCapture capture = capture_();
         clip_.store(capture.cameras, capture.fps, std::move(images));
@@ -66,6 +67,7 @@ class LiveRecorder final : public Recorder {
     };
 
     absl::Status check_idle() const;  // mutex held
+    std::shared_ptr<const BodyShape> shared_body(std::uint32_t subject_id, const BodyShape& body);
     absl::StatusOr<std::unique_ptr<RecordingFolder>> make_folder(const std::string& name, VideoCodec codec);
     absl::Status make_lanes(const RecordedCapture& capture, VideoCodec codec);
     void drop_lanes();
@@ -97,7 +99,8 @@ class LiveRecorder final : public Recorder {
     ClockSteps clock_steps_;                            // since then
     std::deque<std::shared_ptr<EncodedSet>> done_;
     std::deque<ResultOfSet> results_;
-    std::optional<BodyShape> body_;
+    std::optional<BodyShape> body_;                                     // of the first subject
+    std::map<std::uint32_t, std::shared_ptr<const BodyShape>> bodies_;  // of each of several, while tracked
     bool body_changed_ = false, background_changed_ = false;
     std::function<void()> begin_;  // called by the writer's thread once the sets before it are done
     std::uint64_t begin_at_ = 0;

@@ -139,8 +139,10 @@ absl::Status read_image(Tile& tile, std::int64_t frame_set) {
 
 }  // namespace
 
-absl::Status write_overlay_video(const Session& session, const Trial& trial, const OverlayOptions& options,
-                                 const std::filesystem::path& file, const JobControl& work) {
+absl::Status write_overlay_video(const Session& session, std::span<const Trial> trials,
+                                 const OverlayOptions& options, const std::filesystem::path& file,
+                                 const JobControl& work) {
+    const Trial& trial = trials.front();  // all have the same frames
     auto tiles = open_tiles(session, options.camera);
     if (!tiles.ok()) return tiles.status();
     const cv::Size size = lay_out_tiles(*tiles, options.width_px);
@@ -162,7 +164,7 @@ absl::Status write_overlay_video(const Session& session, const Trial& trial, con
                 cv::Mat shown = canvas(tile.area);
                 shown.convertTo(shown, -1, (kSilhouetteGrey - kBackgroundGrey) / 255, kBackgroundGrey);
             }
-            draw_skeleton(tile, trial.joints[shown], canvas);
+            for (const Trial& each : trials) draw_skeleton(tile, each.joints[shown], canvas);
             if (tiles->size() > 1)
                 cv::putText(canvas(tile.area), tile.camera.name, {6, 18}, cv::FONT_HERSHEY_SIMPLEX, 0.5,
                             {255, 255, 255}, 1, cv::LINE_AA);

@@ -53,18 +53,37 @@ void LiveRecorder::offer(const FrameSet& frame_set) {
     lanes_->put(std::move(set), frame_set.images);
 }
 
-void LiveRecorder::observe(const FrameResult& result, const BodyShape* body) {
+// With the mutex held. Results that wait in the rolling buffer share a body that has not changed.
+std::shared_ptr<const BodyShape> LiveRecorder::shared_body(std::uint32_t subject_id, const BodyShape& body) {
+    std::shared_ptr<const BodyShape>& known = bodies_[subject_id];
+    if (!known || *known != body) known = std::make_shared<const BodyShape>(body);
+    return known;
+}
+
+void LiveRecorder::observe(const FrameResult& result, const BodyOf& body_of) {
+    const std::uint32_t first_id = result.subjects.empty() ? 0 : result.subjects.front().track.subject_id;
     const std::scoped_lock lock(mutex_);
-    if (body && body_ != *body) {
+    if (const BodyShape* const body = body_of(first_id); body && body_ != *body) {
         body_ = *body;
         body_changed_ = true;
     }
     // The pipeline lags some frame sets: the last results arrive after the last frame set was taken.
     if (!finish_ && (closed_ || !taking())) return;
-    const SubjectResult* const subject = result.first_subject();
-    results_.push_back({run_, result.sequence, subject ? subject->track.subject_id : 0,
-                        subject && options_.save_poses ? subject->pose : nullptr,
-                        subject && options_.save_volumes ? subject->volume : nullptr});
+    ResultOfSet& taken = results_.emplace_back();
+    taken.run = run_;
+    taken.sequence = result.sequence;
+    for (const SubjectResult& subject : result.subjects) {
+        ResultOfSet::Subject& one = taken.subjects.emplace_back();
+        one.id = subject.track.subject_id;
+        if (options_.save_poses) one.pose = subject.pose;
+        if (options_.save_volumes) one.volume = subject.volume;
+        if (const BodyShape* const body = options_.several_subjects ? body_of(one.id) : nullptr)
+            one.body = shared_body(one.id, *body);
+    }
+    std::erase_if(bodies_, [&](const auto& known) {
+        return std::ranges::find(taken.subjects, known.first, &ResultOfSet::Subject::id) ==
+               taken.subjects.end();
+    });
     if (results_.size() > kMaxQueuedResults) results_.pop_front();
     changed_.notify_all();
 }
@@ -117,6 +136,7 @@ absl::StatusOr<std::unique_ptr<RecordingFolder>> LiveRecorder::make_folder(const
     plan.calibration_file = capture.calibration_file;
     plan.save_poses = options_.save_poses;
     plan.save_volumes = options_.save_volumes;
+    plan.several_subjects = options_.several_subjects;
     if (absl::Status ready = make_lanes(capture, codec); !ready.ok()) return ready;
     {
         const std::scoped_lock lock(mutex_);

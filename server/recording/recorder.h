@@ -15,19 +15,19 @@
 #include <vector>
 
 #include "server/pipeline/frame_result.h"
+#include "server/pose/body_shape.h"
 #include "server/recording/background_clip.h"
 #include "server/recording/image_encoder.h"
 #include "server/recording/recording_list.h"
 
 namespace kinevox {
 
-struct BodyShape;
-
 struct RecorderOptions {
     std::filesystem::path folder;  // of all recordings
     VideoCodec codec = VideoCodec::kUtVideo;
     bool save_poses = true, save_volumes = true;
-    double max_buffer_s = 0;  // length of the rolling buffer; 0: none
+    bool several_subjects = false;  // are followed: each has a body and volumes of its own
+    double max_buffer_s = 0;        // length of the rolling buffer; 0: none
     std::size_t max_buffer_bytes = std::size_t{1} << 30;
     std::size_t max_queue_bytes = std::size_t{256}
                                   << 20;  // not yet written; beyond it frame sets are dropped
@@ -69,8 +69,8 @@ class Recorder {
 
     // Each frame set of the source. A few microseconds.
     virtual void offer(const FrameSet& frame_set) = 0;
-    // Each result, and the body it was measured with (null: no poses). A few microseconds.
-    virtual void observe(const FrameResult& result, const BodyShape* body) = 0;
+    // Each result, and the bodies it was measured with. A few microseconds.
+    virtual void observe(const FrameResult& result, const BodyOf& body_of) = 0;
     // The background images, whenever the background was learned.
     virtual void background_learned(BackgroundImages images) = 0;
     // No more frame sets: the current recording is finished in the background, the rolling buffer is emptied.

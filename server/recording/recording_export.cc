@@ -132,6 +132,11 @@ TrialWriter writer_of(ExportFormat format) {
     return nullptr;
 }
 
+bool is_wanted(const VolumeFileReader::Entry& entry, std::uint32_t subject_id) {
+    return subject_id == 0 || entry.subject_id == 0 || entry.subject_id == subject_id;
+}
+
+// As `kinevox process` names them: FRAME.ply of the first or the chosen subject, FRAME_sID.ply of others.
 absl::StatusOr<ExportedFiles> write_volumes(const fs::path& file, const ExportOptions& options,
                                             const fs::path& out, const JobControl& work) {
     if (options.yaw_rad != 0)
@@ -140,24 +145,57 @@ absl::StatusOr<ExportedFiles> write_volumes(const fs::path& file, const ExportOp
     const auto volumes = VolumeFileReader::open(file);
     if (!volumes.ok()) return volumes.status();
     ExportedFiles written;
+    std::int64_t latest_frame = -1;
     std::size_t started = 0;
     for (const VolumeFileReader::Entry& entry : volumes->entries()) {
         work.report(static_cast<double>(started++) / static_cast<double>(volumes->entries().size()));
         if (work.stop) return absl::CancelledError("the export was stopped");
         const auto frame = static_cast<std::int64_t>(entry.frame);
         if (frame < options.first_frame || frame > options.last_frame.value_or(frame)) continue;
+        if (entry.bytes == 0 || !is_wanted(entry, options.subject_id)) continue;
         auto volume = volumes->read(entry);
         if (!volume.ok()) return volume.status();
         if (options.anonymous) volume->colours.clear();
-        const fs::path target = out / fmt::format("{:06}.ply", entry.frame);
+        const bool named = !entry.first_of_frame && options.subject_id == 0;
+        const fs::path target = out / (named ? fmt::format("{:06}_s{}.ply", entry.frame, entry.subject_id)
+                                             : fmt::format("{:06}.ply", entry.frame));
         if (absl::Status done = write_volume_ply(*volume, target); !done.ok()) return done;
         written.files.push_back(target);
+        if (std::exchange(latest_frame, frame) != frame) ++written.frames;
     }
     if (written.files.empty())
         return absl::OutOfRangeError(
-            fmt::format("{}: no subject was tracked in these frames; change the range", file.string()));
-    written.frames = static_cast<std::int64_t>(written.files.size());
+            options.subject_id == 0
+                ? fmt::format("{}: no subject was tracked in these frames; change the range", file.string())
+                : fmt::format("{}: subject {} has no volume in these frames; change the range or the subject",
+                              file.string(), options.subject_id));
     return written;
+}
+
+// The others are of one skeleton.
+bool shows_every_subject(ExportFormat format) {
+    return format == ExportFormat::kMp4 || format == ExportFormat::kSession;
+}
+
+absl::StatusOr<MeasuredTrials> read_measured(const ExportSource& source, const ExportOptions& options) {
+    const double fps = source.session ? source.session->fps : 0;
+    MeasuredTrials measured;
+    const auto subjects = subjects_of_trial(source.tables);
+    if (subjects.ok()) measured.max_at_once = subjects->max_at_once;
+    if (subjects.ok() && shows_every_subject(options.format) && options.subject_id == 0) {
+        auto trials = read_trials(source.tables, fps, *subjects);
+        if (!trials.ok()) return trials.status();
+        measured.trials = *std::move(trials);
+    } else {  // which says what is wrong with the tables
+        auto trial = read_trial(source.tables, fps, options.subject_id);
+        if (!trial.ok()) return trial.status();
+        measured.trials.push_back(*std::move(trial));
+    }
+    for (Trial& trial : measured.trials) {
+        if (source.session && source.session->recording) trial.name = source.session->name;
+        if (options.anonymous) trial.name = kAnonymous;
+    }
+    return measured;
 }
 
 absl::Status check_session_options(const ExportOptions& options) {
@@ -167,6 +205,8 @@ absl::Status check_session_options(const ExportOptions& options) {
     if (options.first_frame > 0 || options.last_frame || options.yaw_rad != 0 || !options.camera.empty())
         return absl::InvalidArgumentError(
             "format session exports all frames and cameras; omit range, yaw and camera");
+    if (options.subject_id != 0)
+        return absl::InvalidArgumentError("format session exports all subjects; omit the subject");
     return absl::OkStatus();
 }
 
@@ -184,25 +224,26 @@ absl::StatusOr<ExportedFiles> export_recording(const fs::path& from, const Expor
                 "{}: contains no volumes; `kinevox process --save volumes` writes them", from.string()));
         return write_volumes(source->session->recording->volumes, options, out, work);
     }
-    auto trial = read_trial(source->tables, source->session ? source->session->fps : 0, options.subject_id);
-    if (!trial.ok()) return trial.status();
-    if (source->session && source->session->recording) trial->name = source->session->name;
-    if (options.anonymous) trial->name = kAnonymous;
-    const Trial all_frames = options.anonymous ? *trial : Trial{};
-    if (options.first_frame > 0 || options.last_frame) {
-        trial = slice_trial(*trial, options.first_frame, options.last_frame.value_or(trial->frames.back()));
-        if (!trial.ok()) return trial.status();
-    }
-    if (options.anonymous && source->session)
-        if (options.format == ExportFormat::kMp4 || options.format == ExportFormat::kSession)
-            return export_anonymous(*source->session, all_frames, *trial, options, out, work);
+    const auto measured = read_measured(*source, options);
+    if (!measured.ok()) return measured.status();
+    std::vector<Trial> trials = measured->trials;
+    if (options.first_frame > 0 || options.last_frame)
+        for (Trial& trial : trials) {
+            auto slice =
+                slice_trial(trial, options.first_frame, options.last_frame.value_or(trial.frames.back()));
+            if (!slice.ok()) return slice.status();
+            trial = *std::move(slice);
+        }
+    if (options.anonymous && source->session && shows_every_subject(options.format))
+        return export_anonymous(*source->session, *measured, trials, options, out, work);
+    Trial* const trial = &trials.front();
     ExportedFiles written;
     written.files.push_back(out);
     written.frames = static_cast<std::int64_t>(trial->size());
     written.rate_hz = trial->rate_hz;
     if (options.format == ExportFormat::kMp4) {
         if (absl::Status done =
-                write_overlay_video(*source->session, *trial, {options.camera, options.width_px}, out, work);
+                write_overlay_video(*source->session, trials, {options.camera, options.width_px}, out, work);
             !done.ok())
             return done;
         return written;

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -42,15 +43,16 @@ struct OverlayOptions {
         false;  // the images are white on black: shown in greys on which the skeleton is visible
 };
 
-// H.264 in MP4, one image per frame of the trial. Withheld joints are not drawn; a lost frame set repeats the
-// image and the skeleton of the frame before. NotFound for an unknown camera; Cancelled after `work.stop`;
-// errors of reading and writing.
-absl::Status write_overlay_video(const Session& session, const Trial& trial, const OverlayOptions& options,
-                                 const std::filesystem::path& file, const JobControl& work);
+// H.264 in MP4, one image per frame of the trials, which are of one run, one per subject. Withheld joints are
+// not drawn; a lost frame set repeats the image and the skeleton of the frame before. NotFound for an unknown
+// camera; Cancelled after `work.stop`; errors of reading and writing.
+absl::Status write_overlay_video(const Session& session, std::span<const Trial> trials,
+                                 const OverlayOptions& options, const std::filesystem::path& file,
+                                 const JobControl& work);
 
 struct ExportOptions {
     ExportFormat format = ExportFormat::kCsv;
-    std::uint32_t subject_id = 0;            // 0: the only one; see read_trial()
+    std::uint32_t subject_id = 0;            // 0: the only one, see read_trial(); ply, mp4: all
     std::int64_t first_frame = 0;            // both included
     std::optional<std::int64_t> last_frame;  // absent: to the end
     double yaw_rad = 0;          // rotation about the vertical, counter-clockwise from above; not for mp4

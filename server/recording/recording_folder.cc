@@ -8,6 +8,7 @@
 #include <array>
 #include <chrono>
 #include <condition_variable>
+#include <map>
 #include <mutex>
 #include <system_error>
 #include <thread>
@@ -62,6 +63,9 @@ class SessionFolder final : public RecordingFolder {
     absl::Status take_background(const std::vector<fs::path>& videos);
     absl::Status open_tables();
     absl::Status append_row(const PoseRow& row);
+    absl::Status append_rows(PoseRow row, const std::vector<RecordedSubject>& subjects);
+    absl::Status append_volumes(std::uint64_t frame, const std::vector<RecordedSubject>& subjects);
+    absl::Status write_body_of(const RecordedSubject& subject);
     std::uint64_t growing_bytes() const;  // of the files below
     void measure_other_files();
     template <typename Use>
@@ -74,8 +78,9 @@ class SessionFolder final : public RecordingFolder {
     AppendFile times_, reserve_;
     std::vector<AppendFile> tables_;  // as kPoseTableNames
     std::unique_ptr<VolumeFile> volumes_;
-    std::vector<std::int64_t> row_times_ns_;  // of the frames that have no row yet
-    std::uint64_t first_row_ = 0;             // the first of them
+    std::map<std::uint32_t, std::shared_ptr<const BodyShape>> bodies_;  // by subject, as written
+    std::vector<std::int64_t> row_times_ns_;                            // of the frames that have no row yet
+    std::uint64_t first_row_ = 0;                                       // the first of them
     std::int64_t first_capture_ns_ = 0, last_time_ns_ = 0;
     std::uint64_t last_sequence_ = 0;
     std::uint64_t other_bytes_ = 0;  // of the files that do not grow
@@ -141,7 +146,9 @@ absl::Status SessionFolder::open_tables() {
             if (absl::Status written = set_body(*plan_.body); !written.ok()) return written;
     }
     if (plan_.save_volumes) {
-        auto volumes = VolumeFile::create(folder_ / "volumes.kvxv");
+        auto volumes = VolumeFile::create(folder_ / "volumes.kvxv", plan_.several_subjects
+                                                                        ? VolumeFile::Version::kWithSubjects
+                                                                        : VolumeFile::Version::kFirst);
         if (!volumes.ok()) return volumes.status();
         volumes_ = *std::move(volumes);
     }
@@ -251,16 +258,49 @@ absl::Status SessionFolder::append_row(const PoseRow& row) {
     return absl::OkStatus();
 }
 
+// One for each subject; one without a subject for a frame without any.
+absl::Status SessionFolder::append_rows(PoseRow row, const std::vector<RecordedSubject>& subjects) {
+    if (subjects.empty()) return append_row(row);
+    for (const RecordedSubject& subject : subjects) {
+        row.subject_id = subject.id;
+        row.pose = subject.pose;
+        if (absl::Status written = append_row(row); !written.ok()) return written;
+        if (absl::Status written = write_body_of(subject); !written.ok()) return written;
+    }
+    return absl::OkStatus();
+}
+
+absl::Status SessionFolder::append_volumes(std::uint64_t frame,
+                                           const std::vector<RecordedSubject>& subjects) {
+    for (const RecordedSubject& subject : subjects) {
+        if (subject.volume.empty() && !plan_.several_subjects) continue;
+        if (absl::Status written = volumes_->append(frame, subject.id, subject.volume); !written.ok())
+            return written;
+    }
+    return absl::OkStatus();
+}
+
+// body_ID.toml, as `kinevox process` writes it: of each subject with a pose.
+absl::Status SessionFolder::write_body_of(const RecordedSubject& subject) {
+    if (!plan_.save_poses || !subject.body || !subject.pose) return absl::OkStatus();
+    std::shared_ptr<const BodyShape>& known = bodies_[subject.id];
+    if (known && *known == *subject.body) return absl::OkStatus();
+    known = subject.body;
+    const absl::Status written =
+        write_body_shape(*known, folder_ / "poses" / fmt::format("body_{}.toml", subject.id));
+    measure_other_files();
+    return written;
+}
+
 absl::Status SessionFolder::append_result(std::uint64_t frame, const RecordedResult& result) {
     if (frame < first_row_ || frame >= session_.recording->frame_sets) return absl::OkStatus();
     const auto index = static_cast<std::size_t>(frame - first_row_);
     absl::Status written;
     for (std::size_t i = 0; i <= index && written.ok(); ++i) {
-        PoseRow row{.frame = first_row_ + i, .time_s = 1e-9 * static_cast<double>(row_times_ns_[i])};
-        if (i == index) row.subject_id = result.subject_id, row.pose = result.pose;
-        written = append_row(row);
+        const PoseRow row{.frame = first_row_ + i, .time_s = 1e-9 * static_cast<double>(row_times_ns_[i])};
+        written = i == index ? append_rows(row, result.subjects) : append_row(row);
     }
-    if (written.ok() && volumes_ && !result.volume.empty()) written = volumes_->append(frame, result.volume);
+    if (written.ok() && volumes_) written = append_volumes(frame, result.subjects);
     row_times_ns_.erase(row_times_ns_.begin(),
                         row_times_ns_.begin() + static_cast<std::ptrdiff_t>(index) + 1);
     first_row_ = frame + 1;

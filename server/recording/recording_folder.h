@@ -33,13 +33,20 @@ struct RecordingPlan {
     std::string certificate_json;                   // of that calibration; empty: none
     std::optional<BodyShape> body;                  // of the subject
     bool save_poses = true, save_volumes = true;
+    bool several_subjects = false;  // may be in one frame set: each has a body and volumes of its own
+};
+
+// What the pipeline found of one subject in a recorded frame set.
+struct RecordedSubject {
+    std::uint32_t id = 0;
+    std::shared_ptr<const BodyPose> pose;   // null: none
+    std::shared_ptr<const BodyShape> body;  // of this subject among several; null: that of set_body()
+    std::string volume;                     // encode_volume()'s; empty: none
 };
 
 // The pipeline's result of a recorded frame set.
 struct RecordedResult {
-    std::uint32_t subject_id = 0;          // 0: none is tracked
-    std::shared_ptr<const BodyPose> pose;  // null: none
-    std::string volume;                    // encode_volume()'s; empty: none
+    std::vector<RecordedSubject> subjects;  // those tracked, in the order of their ids
 };
 
 // One thread at a time. Each append is atomic: the files are a valid session at any time.

@@ -66,11 +66,13 @@ void RecordingWriter::join_results() {
         if (result.run == run_ && found != entries_.end() && found->set->sequence == result.sequence &&
             (found->frame || options_.max_buffer_s > 0)) {
             found->has_result = true;
-            found->result.subject_id = result.subject_id;
-            found->result.pose = std::move(result.pose);
-            if (result.volume && options_.save_volumes) found->result.volume = encode_volume(*result.volume);
-            found->bytes += found->result.volume.size();
-            entries_bytes_ += found->result.volume.size();
+            for (ResultOfSet::Subject& subject : result.subjects) {
+                RecordedSubject& recorded = found->result.subjects.emplace_back(
+                    RecordedSubject{subject.id, std::move(subject.pose), std::move(subject.body), {}});
+                if (subject.volume && options_.save_volumes) recorded.volume = encode_volume(*subject.volume);
+                found->bytes += recorded.volume.size();
+                entries_bytes_ += recorded.volume.size();
+            }
             if (folder_ && found->frame) check(folder_->append_result(*found->frame, found->result));
         }
     }

@@ -11,6 +11,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "common/volume.h"
 #include "server/recording/encoding_lanes.h"
@@ -21,10 +22,14 @@ namespace kinevox {
 
 // The pipeline's result of a frame set.
 struct ResultOfSet {
+    struct Subject {
+        std::uint32_t id = 0;
+        std::shared_ptr<const BodyPose> pose;
+        std::shared_ptr<const Volume> volume;
+        std::shared_ptr<const BodyShape> body;  // see RecordedSubject
+    };
     std::uint64_t run = 0, sequence = 0;
-    std::uint32_t subject_id = 0;  // 0: none is tracked
-    std::shared_ptr<const BodyPose> pose;
-    std::shared_ptr<const Volume> volume;
+    std::vector<Subject> subjects;  // those tracked
 };
 
 // One thread.

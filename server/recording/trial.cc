@@ -8,6 +8,7 @@
 #include <limits>
 #include <numbers>
 #include <set>
+#include <span>
 #include <type_traits>
 #include <utility>
 
@@ -240,6 +241,7 @@ absl::StatusOr<Trial> read_trial(const fs::path& folder, double fps, std::uint32
             fmt::format("{}: no such folder; give the folder that `kinevox process` wrote", folder.string()));
     Trial trial;
     trial.folder = folder;
+    trial.subject_id = subject_id;
     const fs::path absolute = fs::absolute(folder, error).lexically_normal();
     trial.name = (absolute.has_filename() ? absolute : absolute.parent_path()).filename().string();
     if (!fs::exists(folder / "joints.csv", error))
@@ -282,6 +284,38 @@ absl::StatusOr<Trial> read_trial(const fs::path& folder, double fps, std::uint32
     }
     fill_gaps(trial);
     return trial;
+}
+
+absl::StatusOr<TrialSubjects> subjects_of_trial(const fs::path& folder) {
+    const auto table = read_csv_table(folder / "joints.csv", joint_columns());
+    if (!table.ok()) return table.status();
+    TrialSubjects subjects;
+    std::set<std::uint32_t> measured;
+    int in_frame = 0;
+    for (std::size_t n = 0; n < table->rows(); ++n) {
+        const double id = table->at(n, kSubject);
+        if (std::isnan(id)) continue;
+        in_frame = n > 0 && table->at(n, 0) == table->at(n - 1, 0) ? in_frame + 1 : 1;
+        subjects.max_at_once = std::max(subjects.max_at_once, in_frame);
+        const auto cells = std::span(table->cells).subspan(n * table->columns, table->columns);
+        if (std::ranges::any_of(cells.subspan(kFirstValue), [](double cell) { return !std::isnan(cell); }))
+            measured.insert(static_cast<std::uint32_t>(id));
+    }
+    subjects.ids.assign(measured.begin(), measured.end());
+    return subjects;
+}
+
+absl::StatusOr<std::vector<Trial>> read_trials(const fs::path& folder, double fps,
+                                               const TrialSubjects& subjects) {
+    std::vector<std::uint32_t> ids = subjects.ids;
+    if (subjects.max_at_once < 2 || ids.empty()) ids = {0};
+    std::vector<Trial> trials;
+    for (const std::uint32_t id : ids) {
+        auto trial = read_trial(folder, fps, id);
+        if (!trial.ok()) return trial.status();
+        trials.push_back(*std::move(trial));
+    }
+    return trials;
 }
 
 absl::Status needs_coordinates_and_body(const Trial& trial, std::string_view format) {

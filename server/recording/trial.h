@@ -20,7 +20,8 @@ namespace kinevox {
 
 // World frame: metres, z up; radians. Withheld values are NaN; the three of a joint are withheld together.
 struct Trial {
-    std::string name;  // of the folder
+    std::string name;              // of the folder
+    std::uint32_t subject_id = 0;  // 0: all rows are of the only one
     std::filesystem::path folder;
     double rate_hz = 0;
     // Consecutive numbers at the rate. Equal to session_frames if no frame set was lost; lost ones count and
@@ -45,6 +46,17 @@ struct Trial {
 // used only if the times of an irregular source are ambiguous.
 absl::StatusOr<Trial> read_trial(const std::filesystem::path& folder, double fps = 0,
                                  std::uint32_t subject_id = 0);
+
+// Whom the tables are about.
+struct TrialSubjects {
+    std::vector<std::uint32_t> ids;  // of those with a measured joint, ascending
+    int max_at_once = 0;             // in one frame
+};
+absl::StatusOr<TrialSubjects> subjects_of_trial(const std::filesystem::path& folder);
+
+// One for each of `subjects`, or one of all rows if they are one at a time. Errors as read_trial().
+absl::StatusOr<std::vector<Trial>> read_trials(const std::filesystem::path& folder, double fps,
+                                               const TrialSubjects& subjects);
 
 // FailedPrecondition names the missing file and the format that needs it.
 absl::Status needs_coordinates_and_body(const Trial& trial, std::string_view format);

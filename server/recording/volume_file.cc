@@ -14,23 +14,31 @@
 namespace kinevox {
 namespace {
 
-constexpr std::string_view kHeader{"KVXVOLS\1", 8};
-constexpr std::size_t kEntryHeader = 12;  // frame: 8 bytes, length: 4 bytes, little endian
+constexpr std::string_view kMagic = "KVXVOLS";  // then the version, one byte
+
+// Little endian: frame, 8 bytes; with subjects the subject's id, 4; length, 4.
+std::size_t entry_header_bytes(VolumeFile::Version version) {
+    return version == VolumeFile::Version::kFirst ? 12 : 16;
+}
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<VolumeFile>> VolumeFile::create(const std::filesystem::path& file) {
+absl::StatusOr<std::unique_ptr<VolumeFile>> VolumeFile::create(const std::filesystem::path& file,
+                                                               Version version) {
     auto made = AppendFile::create(file);
     if (!made.ok()) return made.status();
-    std::unique_ptr<VolumeFile> volumes(new VolumeFile(*std::move(made)));
-    if (absl::Status begun = volumes->file_.append(kHeader); !begun.ok()) return begun;
+    std::unique_ptr<VolumeFile> volumes(new VolumeFile(*std::move(made), version));
+    if (absl::Status begun = volumes->file_.append(std::string(kMagic) + static_cast<char>(version));
+        !begun.ok())
+        return begun;
     return volumes;
 }
 
-absl::Status VolumeFile::append(std::uint64_t frame, std::string_view encoded) {
+absl::Status VolumeFile::append(std::uint64_t frame, std::uint32_t subject_id, std::string_view encoded) {
     std::string bytes;
-    bytes.reserve(kEntryHeader + encoded.size());
+    bytes.reserve(entry_header_bytes(version_) + encoded.size());
     put_little_endian(bytes, frame);
+    if (version_ == Version::kWithSubjects) put_little_endian(bytes, subject_id);
     put_little_endian(bytes, static_cast<std::uint32_t>(encoded.size()));
     bytes += encoded;
     return file_.append(bytes);
@@ -43,19 +51,35 @@ absl::StatusOr<VolumeFileReader> VolumeFileReader::open(const std::filesystem::p
             fmt::format("{}: there are no volumes; record with volumes = true", file.string()));
     std::error_code error;
     const std::uintmax_t size = std::filesystem::file_size(file, error);
-    char header[kHeader.size()];
-    if (error || !in.read(header, sizeof header) || std::string_view(header, sizeof header) != kHeader)
+    char header[kMagic.size() + 1];
+    const bool known = !error && in.read(header, sizeof header) &&
+                       std::string_view(header, kMagic.size()) == kMagic &&
+                       (header[kMagic.size()] == static_cast<char>(VolumeFile::Version::kFirst) ||
+                        header[kMagic.size()] == static_cast<char>(VolumeFile::Version::kWithSubjects));
+    if (!known)
         return absl::InvalidArgumentError(fmt::format("{}: holds no volumes of this version", file.string()));
     VolumeFileReader reader;
     reader.file_ = file;
-    std::uint64_t at = kHeader.size();
-    char entry[kEntryHeader];
-    while (at + kEntryHeader <= size && in.seekg(static_cast<std::streamoff>(at)).read(entry, sizeof entry)) {
-        std::string_view numbers(entry, sizeof entry);
-        const auto frame = take_little_endian<std::uint64_t>(numbers);
-        const Entry found{frame, at + kEntryHeader, take_little_endian<std::uint32_t>(numbers)};
+    const auto version = static_cast<VolumeFile::Version>(header[kMagic.size()]);
+    const std::size_t head = entry_header_bytes(version);
+    std::uint64_t at = sizeof header;
+    std::string entry(head, '\0');
+    while (at + head <= size &&
+           in.seekg(static_cast<std::streamoff>(at)).read(entry.data(), static_cast<std::streamsize>(head))) {
+        std::string_view numbers = entry;
+        Entry found;
+        found.frame = take_little_endian<std::uint64_t>(numbers);
+        if (version == VolumeFile::Version::kWithSubjects)
+            found.subject_id = take_little_endian<std::uint32_t>(numbers);
+        found.bytes = take_little_endian<std::uint32_t>(numbers);
+        found.offset = at + head;
         at = found.offset + found.bytes;
-        const bool rises = reader.entries_.empty() || found.frame > reader.entries_.back().frame;
+        bool rises = true;
+        if (!reader.entries_.empty()) {
+            const Entry& before = reader.entries_.back();
+            found.first_of_frame = found.frame != before.frame;
+            rises = found.first_of_frame ? found.frame > before.frame : found.subject_id > before.subject_id;
+        }
         if (at > size || !rises) break;
         reader.entries_.push_back(found);
     }

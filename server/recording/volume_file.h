@@ -18,19 +18,24 @@ namespace kinevox {
 
 class VolumeFile {
   public:
-    static absl::StatusOr<std::unique_ptr<VolumeFile>> create(const std::filesystem::path& file);
+    // The first version, which older programs read, holds at most one volume per frame, without its subject.
+    enum class Version : char { kFirst = 1, kWithSubjects = 2 };
+    static absl::StatusOr<std::unique_ptr<VolumeFile>> create(const std::filesystem::path& file,
+                                                              Version version = Version::kFirst);
 
-    // `encoded`: encode_volume()'s; frames increase.
-    absl::Status append(std::uint64_t frame, std::string_view encoded);
+    // `encoded`: encode_volume()'s; with subjects it may be empty: tracked, but without a volume. Frames
+    // increase, and within a frame the subjects.
+    absl::Status append(std::uint64_t frame, std::uint32_t subject_id, std::string_view encoded);
     void sync() const { file_.sync(); }
     std::uint64_t bytes() const { return file_.size(); }
 
   private:
-    explicit VolumeFile(AppendFile file) : file_(std::move(file)) {}
+    VolumeFile(AppendFile file, Version version) : file_(std::move(file)), version_(version) {}
     AppendFile file_;
+    Version version_;
 };
 
-// Reads it; an incomplete volume at the end is ignored.
+// Reads both versions; an incomplete volume at the end is ignored.
 class VolumeFileReader {
   public:
     // NotFound, InvalidArgument.
@@ -38,7 +43,9 @@ class VolumeFileReader {
 
     struct Entry {
         std::uint64_t frame = 0, offset = 0;
-        std::uint32_t bytes = 0;
+        std::uint32_t bytes = 0;       // of the volume; 0: tracked, but without a volume
+        std::uint32_t subject_id = 0;  // 0: the file does not say; the only or first one
+        bool first_of_frame = true;    // of the subjects tracked
     };
     const std::vector<Entry>& entries() const { return entries_; }
     // InvalidArgument or DataLoss name the file and the frame.

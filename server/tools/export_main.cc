@@ -51,7 +51,8 @@ void declare(CLI::App& app, Arguments& arguments) {
     app.add_option("--format", arguments.format, format_help())->check(CLI::IsMember(format_names()));
     app.add_option("--out", arguments.out, "Output file (ply, session: folder); required");
     app.add_option("--range", arguments.range, "Frames to export, FIRST-LAST (inclusive)");
-    app.add_option("--subject", arguments.subject_id, "Subject id, if there are several (0: the only one)");
+    app.add_option("--subject", arguments.subject_id,
+                   "Subject to export (id; default: the only one; ply, mp4: all)");
     app.add_flag("--anonymous", arguments.anonymous,
                  "Remove images, colours, names and dates; show silhouettes instead");
     app.add_option("--yaw", arguments.yaw_deg,

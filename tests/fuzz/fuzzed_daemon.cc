@@ -104,10 +104,11 @@ struct FuzzedDaemon::Parts {
     BodyWatch body_watch;
     ProcedureWatch procedure_watch;
     PoseDatabaseService poses{inside / "poses.kvxposes"};
-    LiveBodyFit body_fit{
-        runner.cameras(), runner.source_fps(), {}, body_options(), [this](const BodyFitProgress& progress) {
-            body_watch.publish(progress);
-        }};
+    LiveBodyFit body_fit{runner.cameras(),
+                         runner.source_fps(),
+                         {},
+                         body_options(),
+                         {[this](const std::vector<BodyFitProgress>& all) { body_watch.publish(all); }, {}}};
     CalibrationProcedure procedure{
         [this](std::function<void()> on_ready) { return hub.subscribe_images(std::move(on_ready)); },
         [this](const Certificate& certificate, const std::string& note) {
@@ -174,8 +175,8 @@ struct FuzzedDaemon::Parts {
         recorder = *std::move(made);
         runner.set_result_observer([this](const FrameResult& result) {
             if (result.frame_set.recorded_frame) return;
-            recorder->observe(result, nullptr);
-            body_fit.observe(result.capture_time_ns, nullptr);
+            recorder->observe(result, [](std::uint32_t) { return nullptr; });
+            body_fit.observe(result.capture_time_ns, {});
         });
         runner.set_observers(
             {[this](const FrameSet& frame_set) { recorder->offer(frame_set); },

@@ -67,7 +67,7 @@ absl::StatusOr<quality::Measurements> measure_session(const std::filesystem::pat
             return absl::CancelledError("stopped; nothing was written");
     }
     const std::vector<PoseRow> rows = poses.finish(**pipeline);
-    return quality.measure(&poses, rows);
+    return quality.measure(&poses, rows).front();
 }
 
 std::vector<Finding> findings_of(const quality::Measurements& seen, const std::vector<Camera>& cameras,

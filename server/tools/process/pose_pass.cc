@@ -143,25 +143,28 @@ const BodyShape* PosePass::body() const {
     return subject && subject->body ? &*subject->body : nullptr;
 }
 
-const BodyFit* PosePass::fit() const {
-    const Subject* const subject = main();
-    return subject && subject->fit ? &*subject->fit : nullptr;
+std::vector<std::uint32_t> PosePass::followed_subjects() const {
+    std::vector<std::uint32_t> ids;
+    for (const auto& subject : subjects_)
+        if (10 * subject->seen_count >= all_.size()) ids.push_back(subject->id);
+    if (ids.empty() && !subjects_.empty()) ids.push_back(main()->id);
+    return ids;
 }
 
-int PosePass::followed_subjects() const {
-    return static_cast<int>(std::ranges::count_if(
-        subjects_, [&](const auto& subject) { return 10 * subject->seen_count >= all_.size(); }));
-}
-
-std::uint32_t PosePass::main_subject() const {
-    const Subject* const subject = main();
-    return subject ? subject->id : 0;
+const PosePass::Subject* PosePass::find(std::uint32_t id) const {
+    if (!several_) return subjects_.front().get();
+    const auto found = std::ranges::find_if(subjects_, [id](const auto& each) { return each->id == id; });
+    return found == subjects_.end() ? nullptr : found->get();
 }
 
 const BodyShape* PosePass::body_of(std::uint32_t subject_id) const {
-    for (const auto& subject : subjects_)
-        if ((!several_ || subject->id == subject_id) && subject->body) return &*subject->body;
-    return nullptr;
+    const Subject* const subject = find(subject_id);
+    return subject && subject->body ? &*subject->body : nullptr;
+}
+
+const BodyFit* PosePass::fit_of(std::uint32_t subject_id) const {
+    const Subject* const subject = find(subject_id);
+    return subject && subject->fit ? &*subject->fit : nullptr;
 }
 
 }  // namespace kinevox

@@ -49,17 +49,15 @@ class PosePass {
     // Of the subject; null before finish() or if no subject was found. With several, of the one that was
     // seen in most frames.
     const BodyShape* body() const;
-    // Of the subject with this id; null: none.
+    // Of the subject with this id, 0: the only one; null: none.
     const BodyShape* body_of(std::uint32_t subject_id) const;
     // The body was given, not fitted; then it is also fitted to the movement, to compare.
     bool body_given() const { return !options_.fit_body; }
-    const BodyFit* fit() const;
-    // Subjects that were seen in a tenth of the frames or more.
-    int followed_subjects() const;
+    const BodyFit* fit_of(std::uint32_t subject_id) const;
+    // Those seen in a tenth of the frames or more, else the one seen in most. 0: the only one, by any id.
+    std::vector<std::uint32_t> followed_subjects() const;
     // Whether rules exclude other people.
     bool subjects_selected() const { return selected_; }
-    // 0: none, or one subject is followed.
-    std::uint32_t main_subject() const;
 
   private:
     struct Frame {
@@ -77,6 +75,7 @@ class PosePass {
         std::optional<BodyFit> fit;
     };
     Subject& subject_of(std::uint32_t id);
+    const Subject* find(std::uint32_t id) const;
     const Subject* main() const;  // null before the first
     void fit_and_retrack(Subject& subject, Pipeline& pipeline) const;
     std::optional<BodyFit> fit_to_movement(const Subject& subject) const;

@@ -5,36 +5,34 @@
 
 namespace kinevox {
 
-quality::Measurements QualityPass::measure(const PosePass* poses, const std::vector<PoseRow>& rows) const {
-    std::vector<quality::PosedFrame> posed;
-    const std::uint32_t main = poses ? poses->main_subject() : 0;  // one body is judged
-    for (const PoseRow& row : rows)
-        if (main == 0 || row.subject_id == main) posed.push_back({row.frame, row.pose});
-    const BodyShape* const body = poses ? poses->body() : nullptr;
-    quality::Measurements seen = observer_.measure(posed, body);
-    if (poses) {
-        seen.followed_subjects = poses->followed_subjects();
-        seen.subjects_selected = poses->subjects_selected();
-    }
-    if (seen.followed_subjects > 1 || seen.subjects_selected) {
-        // These compare the silhouettes of all people with one body.
-        seen.rig = {.side_px = seen.rig.side_px};
-        seen.world.subject_height_m = seen.world.max_height_m = seen.world.lowest_m = std::nullopt;
-        seen.pose.posed_iou = std::nullopt;
-    }
-    seen.body.feet_unseen = poses && poses->fit() && poses->fit()->standing_m > 0;
-    if (poses && poses->body_given()) {
+std::vector<quality::Measurements> QualityPass::measure(const PosePass* poses,
+                                                        const std::vector<PoseRow>& rows) const {
+    std::vector<quality::PosedSubject> subjects;
+    if (poses)
+        for (const std::uint32_t id : poses->followed_subjects()) {
+            quality::PosedSubject& subject = subjects.emplace_back();
+            subject.id = id;
+            subject.body = poses->body_of(id);
+            for (const PoseRow& row : rows)
+                if (id == 0 || row.subject_id == id) subject.poses.push_back({row.frame, row.pose});
+        }
+    std::vector<quality::Measurements> all = observer_.measure(subjects, poses && poses->subjects_selected());
+    for (quality::Measurements& seen : all) {
+        const BodyFit* const fit = poses ? poses->fit_of(seen.subject_id) : nullptr;
+        seen.body.feet_unseen = fit && fit->standing_m > 0;
+        if (!poses || !poses->body_given()) continue;
         seen.body.given = true;
-        if (poses->fit()) seen.body.fitted_stature_m = poses->fit()->shape.stature_m;
+        if (fit) seen.body.fitted_stature_m = fit->shape.stature_m;
     }
-    if (quality::rig_is_inconsistent(seen.rig) && !quality::is_explained_without_time(seen.rig))
+    quality::RigMeasurements& rig = all.front().rig;
+    if (quality::rig_is_inconsistent(rig) && !quality::is_explained_without_time(rig))
         if (const auto session = read_session(session_file_); session.ok())
-            seen.rig.time = quality::measure_camera_time(*session);
-    return seen;
+            rig.time = quality::measure_camera_time(*session);
+    return all;
 }
 
 quality::QualityReport QualityPass::finish(const PosePass* poses, const std::vector<PoseRow>& rows) const {
-    return quality::judge(measure(poses, rows));
+    return quality::judge_worst(measure(poses, rows));
 }
 
 }  // namespace kinevox

@@ -19,8 +19,9 @@ class QualityPass {
 
     // Every frame set, in order.
     void add(const FrameResult& result) { observer_.add(result); }
-    // Without a verdict.
-    quality::Measurements measure(const PosePass* poses, const std::vector<PoseRow>& rows) const;
+    // Without a verdict, at least one.
+    // Of each followed subject; one without poses.
+    std::vector<quality::Measurements> measure(const PosePass* poses, const std::vector<PoseRow>& rows) const;
     // `poses` and its `rows` after finish(); null without poses. May read the session's videos again, to find
     // a cause.
     quality::QualityReport finish(const PosePass* poses, const std::vector<PoseRow>& rows) const;

@@ -17,7 +17,8 @@ class BodyFitApiTest : public ApiTest {
         options.fit.max_frames = 6;
         fit_ = std::make_unique<LiveBodyFit>(
             scene_.cameras, 10, PoseStageOptions(), options,
-            [this](const BodyFitProgress& progress) { watch_.publish(progress); });
+            LiveBodyFit::Observers{[this](const std::vector<BodyFitProgress>& all) { watch_.publish(all); },
+                                   {}});
         watch_.publish(fit_->progress());
         api_.body_fit = fit_.get();
         api_.body_watch = &watch_;
@@ -30,7 +31,8 @@ class BodyFitApiTest : public ApiTest {
     void show(int frames) {
         for (int n = 0; n < frames; ++n, time_ns_ += 100'000'000) {
             const PoseObservation seen{time_ns_, {0, 0, 0.95}, scene_.see(scene_.t_pose())};
-            fit_->observe(time_ns_, &seen);
+            const LiveBodyFit::Seen subject{1, &seen};
+            fit_->observe(time_ns_, {&subject, 1});
         }
     }
 
@@ -88,7 +90,7 @@ TEST_F(BodyFitApiTest, WatchBodyReportsFitToTheEnd) {
         EXPECT_LT(girth.value_m(), 1.3) << girth.name();
         EXPECT_GT(girth.std_m(), 0) << girth.name();
     }
-    EXPECT_TRUE(fit_->take_fit());
+    EXPECT_NEAR(fit_->body_in_use(1).shape.stature_m, 1.85, 0.04);
 }
 
 TEST_F(BodyFitApiTest, FitBodyRejectsInvalidRequests) {
@@ -107,7 +109,7 @@ TEST_F(BodyFitApiTest, FitBodyRejectsInvalidRequests) {
     const absl::Status refused = client_.fit_body("ann", for_seconds(1));
     EXPECT_EQ(refused.code(), absl::StatusCode::kFailedPrecondition);
     EXPECT_THAT(std::string(refused.message()), HasSubstr("bob"));
-    EXPECT_EQ(fit_->progress().state, BodyFitState::kNotStarted);
+    EXPECT_EQ(fit_->progress().front().state, BodyFitState::kNotStarted);
 }
 
 }  // namespace

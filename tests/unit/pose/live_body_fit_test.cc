@@ -16,6 +16,7 @@ namespace kinevox {
 namespace {
 
 using std::chrono::steady_clock;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 constexpr std::int64_t kFrame_ns = 100'000'000;  // ten frame sets a second
@@ -30,11 +31,12 @@ class LiveBodyFitTest : public ::testing::Test {
 
     void make() {
         fit_ = std::make_unique<LiveBodyFit>(scene_.cameras, 10, PoseStageOptions(), options_,
-                                             [this](const BodyFitProgress& progress) {
-                                                 const std::scoped_lock lock(mutex_);
-                                                 told_.push_back(progress);
-                                                 changed_.notify_all();
-                                             });
+                                             LiveBodyFit::Observers{[this](const auto& all) {
+                                                                        const std::scoped_lock lock(mutex_);
+                                                                        told_.push_back(all.front());
+                                                                        changed_.notify_all();
+                                                                    },
+                                                                    {}});
     }
 
     // The subject in a T-pose, arms moving a little; seconds of capture time.
@@ -43,11 +45,12 @@ class LiveBodyFitTest : public ::testing::Test {
             BodyCoordinates q = scene_.t_pose();
             q[kDofShoulderL + 1] += radians(n % 7);
             PoseObservation seen{time_ns_, {0, 0, 0.95}, scene_.see(q)};
-            fit_->observe(time_ns_, &seen);
+            const LiveBodyFit::Seen subject{1, &seen};
+            fit_->observe(time_ns_, {&subject, 1});
         }
     }
     void show_nobody(double seconds) {
-        for (int n = 0; n < seconds * 10; ++n, time_ns_ += kFrame_ns) fit_->observe(time_ns_, nullptr);
+        for (int n = 0; n < seconds * 10; ++n, time_ns_ += kFrame_ns) fit_->observe(time_ns_, {});
     }
     BodyFitProgress wait_for(BodyFitState state) {
         std::unique_lock lock(mutex_);
@@ -68,8 +71,8 @@ class LiveBodyFitTest : public ::testing::Test {
 
 TEST_F(LiveBodyFitTest, FindsStatureOnRequest) {
     make();
-    ASSERT_TRUE(fit_->start(2).ok());
-    EXPECT_FALSE(fit_->take_fit());
+    ASSERT_TRUE(fit_->start(0, 2).ok());
+    EXPECT_EQ(fit_->body_in_use(1).shape, default_body_shape());
     show(2.2);
     const BodyFitProgress ready = wait_for(BodyFitState::kReady);
     ASSERT_TRUE(ready.fit);
@@ -84,14 +87,13 @@ TEST_F(LiveBodyFitTest, FindsStatureOnRequest) {
     }
     EXPECT_GT(ready.fit->stature_std_m, 0.001);
     EXPECT_LT(ready.fit->stature_std_m, 0.12) << "less than the prior";
-    const auto fit = fit_->take_fit();
-    ASSERT_TRUE(fit);
-    EXPECT_EQ(fit->shape, ready.body);
-    EXPECT_FALSE(fit_->take_fit()) << "returned once";
+    const LiveBodyFit::BodyInUse in_use = fit_->body_in_use(1);
+    EXPECT_EQ(in_use.shape, ready.body);
+    EXPECT_EQ(fit_->body_in_use(2).shape, ready.body) << "a subject who returns has a new id";
     EXPECT_EQ(ready.stored_path, options_.file);
     const auto stored = read_body_shape(options_.file);
     ASSERT_TRUE(stored.ok()) << stored.status();
-    EXPECT_NEAR(stored->stature_m, fit->shape.stature_m, 1e-6);
+    EXPECT_NEAR(stored->stature_m, in_use.shape.stature_m, 1e-6);
 }
 
 TEST_F(LiveBodyFitTest, StartsAutomaticallyWithSubject) {
@@ -99,17 +101,18 @@ TEST_F(LiveBodyFitTest, StartsAutomaticallyWithSubject) {
     options_.automatic_duration_s = 1;
     make();
     show_nobody(30);
-    EXPECT_EQ(fit_->progress().state, BodyFitState::kNotStarted) << "waits for a subject without limit";
+    EXPECT_EQ(fit_->progress().front().state, BodyFitState::kNotStarted)
+        << "waits for a subject without limit";
     show(1.2);
     const BodyFitProgress ready = wait_for(BodyFitState::kReady);
     EXPECT_FALSE(ready.requested);
     EXPECT_TRUE(ready.stored_path.empty());
     EXPECT_FALSE(std::filesystem::exists(options_.file)) << "an automatic fit is not stored";
     show(1.5);
-    EXPECT_EQ(fit_->progress().state, BodyFitState::kReady) << "once";
+    EXPECT_EQ(fit_->progress().front().state, BodyFitState::kReady) << "once";
     time_ns_ = 0;  // the capture restarts, possibly with another subject
     show(0.5);
-    EXPECT_EQ(fit_->progress().state, BodyFitState::kCollecting);
+    EXPECT_EQ(fit_->progress().front().state, BodyFitState::kCollecting);
 }
 
 TEST_F(LiveBodyFitTest, RequestPreemptsAutomaticFit) {
@@ -117,17 +120,17 @@ TEST_F(LiveBodyFitTest, RequestPreemptsAutomaticFit) {
     options_.automatic_duration_s = 1;
     make();
     show(0.5);
-    EXPECT_FALSE(fit_->progress().requested);
-    ASSERT_TRUE(fit_->start(1).ok());
-    EXPECT_TRUE(fit_->progress().requested);
-    EXPECT_EQ(fit_->progress().progress, 0) << "earlier observations do not count";
+    EXPECT_FALSE(fit_->progress().front().requested);
+    ASSERT_TRUE(fit_->start(0, 1).ok());
+    EXPECT_TRUE(fit_->progress().front().requested);
+    EXPECT_EQ(fit_->progress().front().progress, 0) << "earlier observations do not count";
     show(1.2);
     wait_for(BodyFitState::kReady);
 }
 
 TEST_F(LiveBodyFitTest, FailsWithoutSubject) {
     make();
-    ASSERT_TRUE(fit_->start(1).ok());
+    ASSERT_TRUE(fit_->start(0, 1).ok());
     show_nobody(21);
     const BodyFitProgress failed = wait_for(BodyFitState::kFailed);
     EXPECT_THAT(failed.message, HasSubstr("no subject for"));
@@ -136,27 +139,111 @@ TEST_F(LiveBodyFitTest, FailsWithoutSubject) {
 
 TEST_F(LiveBodyFitTest, FailsWhenSilhouettesShowNoPerson) {
     make();
-    ASSERT_TRUE(fit_->start(1).ok());
+    ASSERT_TRUE(fit_->start(0, 1).ok());
     const PoseObservation nothing{0, {0, 0, 1}, std::vector<SilhouetteRays>(4)};
-    for (int n = 0; n < 12; ++n, time_ns_ += kFrame_ns) fit_->observe(time_ns_, &nothing);
+    for (int n = 0; n < 12; ++n, time_ns_ += kFrame_ns) {
+        const LiveBodyFit::Seen subject{1, &nothing};
+        fit_->observe(time_ns_, {&subject, 1});
+    }
     EXPECT_THAT(wait_for(BodyFitState::kFailed).message, HasSubstr("no person's pose was found in"));
-    EXPECT_FALSE(fit_->take_fit());
+    EXPECT_EQ(fit_->body_in_use(1).shape, default_body_shape());
+}
+
+class SeveralBodiesTest : public LiveBodyFitTest {
+  protected:
+    SeveralBodiesTest() { options_.several_subjects = true; }
+
+    void show_both(double seconds) {
+        for (int n = 0; n < seconds * 10; ++n, time_ns_ += kFrame_ns) {
+            const PoseObservation small{time_ns_, {0, 0, 0.9}, scene_.see(scene_.t_pose())};
+            const PoseObservation tall{time_ns_, {0, 0, 0.95}, tall_.see(tall_.t_pose())};
+            const std::vector<LiveBodyFit::Seen> both{{3, &small}, {7, &tall}};
+            fit_->observe(time_ns_, both);
+        }
+    }
+    void show_tall(double seconds) {
+        for (int n = 0; n < seconds * 10; ++n, time_ns_ += kFrame_ns) {
+            const LiveBodyFit::Seen seen{7, nullptr};
+            fit_->observe(time_ns_, {&seen, 1});
+        }
+    }
+    std::vector<std::uint32_t> reported() const {
+        std::vector<std::uint32_t> ids;
+        for (const BodyFitProgress& each : fit_->progress()) ids.push_back(each.subject_id);
+        return ids;
+    }
+
+    testing::SeenBody tall_{.model = std::make_shared<BodyModel>(default_body_shape(1.88))};
+};
+
+TEST_F(SeveralBodiesTest, FitsEachSubjectsBody) {
+    options_.automatic = true;
+    options_.automatic_duration_s = 1;
+    make();
+    EXPECT_THAT(reported(), ElementsAre(0)) << "the body of the next subject";
+    show_both(1.2);
+    EXPECT_THAT(reported(), ElementsAre(3, 7));
+    ASSERT_TRUE(testing::eventually([&] {
+        return std::ranges::all_of(
+            fit_->progress(), [](const BodyFitProgress& each) { return each.state == BodyFitState::kReady; });
+    }));
+    EXPECT_NEAR(fit_->body_in_use(3).shape.stature_m, 1.60, 0.04);
+    EXPECT_NEAR(fit_->body_in_use(7).shape.stature_m, 1.88, 0.04);
+    EXPECT_EQ(fit_->body_in_use(8).shape, default_body_shape());
+    show_tall(0.5);
+    EXPECT_THAT(reported(), ElementsAre(7));
+    show_both(0.2);
+    EXPECT_THAT(reported(), ElementsAre(3, 7));
+    EXPECT_NEAR(fit_->body_in_use(3).shape.stature_m, 1.60, 0.04) << "who returned";
+    fit_->capture_ended();
+    EXPECT_THAT(reported(), ElementsAre(3, 7)) << "until the next run begins";
+    show_tall(0.1);
+    EXPECT_THAT(reported(), ElementsAre(7));
+    EXPECT_EQ(fit_->body_in_use(7).shape, default_body_shape()) << "the same id, another person";
+}
+
+TEST_F(SeveralBodiesTest, RequestWaitsForTheNextSubject) {
+    make();
+    ASSERT_TRUE(fit_->start(0, 1).ok());
+    show_nobody(2);
+    EXPECT_EQ(fit_->progress().front().state, BodyFitState::kCollecting);
+    show_both(0.2);
+    const std::vector<BodyFitProgress> progress = fit_->progress();
+    ASSERT_EQ(progress.size(), 2u);
+    EXPECT_EQ(progress[0].state, BodyFitState::kCollecting);
+    EXPECT_TRUE(progress[0].requested);
+    EXPECT_EQ(progress[1].state, BodyFitState::kNotStarted);
+}
+
+TEST_F(SeveralBodiesTest, RequestFailsWhenItsSubjectLeaves) {
+    make();
+    show_both(0.2);
+    ASSERT_TRUE(fit_->start(3, 5).ok());
+    show_both(0.5);
+    show_tall(15);
+    EXPECT_THAT(reported(), ElementsAre(3, 7)) << "a client waits for it";
+    EXPECT_EQ(fit_->progress().front().state, BodyFitState::kCollecting);
+    show_tall(10);
+    EXPECT_EQ(fit_->progress().front().state, BodyFitState::kFailed);
+    EXPECT_THAT(fit_->progress().front().message, HasSubstr("subject 3 has left"));
+    show_tall(60);
+    EXPECT_THAT(reported(), ElementsAre(7));
 }
 
 TEST_F(LiveBodyFitTest, RejectsInvalidOptions) {
     make();
     for (const double seconds : {0.5, 31.0, -1.0, std::nan("")})
-        EXPECT_EQ(fit_->start(seconds).code(), absl::StatusCode::kInvalidArgument) << seconds;
+        EXPECT_EQ(fit_->start(0, seconds).code(), absl::StatusCode::kInvalidArgument) << seconds;
     fit_->close();
-    EXPECT_EQ(fit_->start(2).code(), absl::StatusCode::kUnavailable);
+    EXPECT_EQ(fit_->start(0, 2).code(), absl::StatusCode::kUnavailable);
 }
 
 TEST_F(LiveBodyFitTest, ClosesImmediately) {
     options_.fit.rounds = 1000;  // as good as for ever
     make();
-    ASSERT_TRUE(fit_->start(1).ok());
+    ASSERT_TRUE(fit_->start(0, 1).ok());
     show(1.2);
-    EXPECT_EQ(fit_->progress().state, BodyFitState::kFitting);
+    EXPECT_EQ(fit_->progress().front().state, BodyFitState::kFitting);
     const auto start = steady_clock::now();
     fit_.reset();
     // Its longest step is the search for a body that it knows nothing of.

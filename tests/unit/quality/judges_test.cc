@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <string>
+#include <vector>
 
 #include "server/quality/verdict.h"
 
@@ -55,6 +56,26 @@ std::string cause_of(const Judgement& judgement) {
 std::string first_cause(const Measurements& seen) {
     const QualityReport report = judge(seen);
     return report.causes.empty() ? "" : report.causes.front().cause;
+}
+
+TEST(Verdict, IsThatOfTheWorstSubject) {
+    std::vector<Measurements> two(2, good_session());
+    two[0].subject_id = 1, two[1].subject_id = 4;
+    two[0].followed_subjects = two[1].followed_subjects = 2;
+    two[1].pose.joint_std_m = 0.02;
+    QualityReport report = judge_worst(two);
+    EXPECT_EQ(report.verdict, Trust::kGood);
+    EXPECT_EQ(report.measurements.subject_id, 4u) << "the less certain one";
+    EXPECT_NE(quality_json(report).find("\"subject\": 4"), std::string::npos);
+    two[0].pose.withheld_fraction = 0.4;
+    report = judge_worst(two);
+    EXPECT_EQ(report.verdict, Trust::kCaution);
+    ASSERT_EQ(report.causes.size(), 1u);
+    EXPECT_EQ(report.causes.front().cause, "withheld");
+    EXPECT_EQ(report.causes.front().reason, "subject 1: 40 % of the joints are withheld");
+    for (Measurements& each : two) each.cameras[2].mean_level = 7, each.cameras[2].dark_fraction = 0.9;
+    EXPECT_EQ(judge_worst(two).causes.front().reason.find("subject"), std::string::npos)
+        << "an image is not one subject's";
 }
 
 TEST(Verdict, IsGoodWithoutCauseForAGoodSession) {

@@ -38,6 +38,10 @@ Camera camera_at(const char* name, double x) {
     return camera;
 }
 
+const BodyShape* no_body(std::uint32_t) {
+    return nullptr;
+}
+
 FrameResult result_at(std::uint64_t sequence) {
     FrameResult result;
     result.sequence = sequence;
@@ -49,7 +53,7 @@ FrameResult result_at(std::uint64_t sequence) {
 std::optional<QualityReport> report_of(LiveQuality& quality) {
     const auto deadline = steady_clock::now() + std::chrono::seconds(30);
     for (std::uint64_t n = 1; steady_clock::now() < deadline && !quality.report(); ++n) {
-        quality.observe(result_at(n), nullptr);
+        quality.observe(result_at(n), no_body);
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
     return quality.report();
@@ -58,7 +62,7 @@ std::optional<QualityReport> report_of(LiveQuality& quality) {
 TEST(LiveQuality, JudgesTheLatestSamples) {
     LiveQuality quality({.samples = 4, .judge_after = 4});
     EXPECT_FALSE(quality.report());
-    quality.observe(result_at(0), nullptr);  // no background yet
+    quality.observe(result_at(0), no_body);  // no background yet
     using Background = std::vector<std::vector<Image>>;
     quality.set_background({camera_at("left", -1), camera_at("right", 1)},
                            std::make_shared<const Background>(2, std::vector<Image>(6, image_of(false))));
@@ -69,6 +73,38 @@ TEST(LiveQuality, JudgesTheLatestSamples) {
         std::ranges::any_of(report->causes, [](const Cause& cause) { return cause.cause == "no_subject"; }));
     quality.set_cameras({camera_at("left", -1), camera_at("right", 1)});
     EXPECT_FALSE(quality.report()) << "of the former cameras";
+}
+
+TEST(LiveQuality, JudgesTheWorstOfSeveralSubjects) {
+    LiveQuality quality({.samples = 4, .judge_after = 4, .several_subjects = true});
+    using Background = std::vector<std::vector<Image>>;
+    quality.set_background({camera_at("left", -1), camera_at("right", 1)},
+                           std::make_shared<const Background>(2, std::vector<Image>(6, image_of(false))));
+    const BodyShape small = default_body_shape(1.6), tall = default_body_shape(1.9);
+    const BodyOf body_of = [&](std::uint32_t id) { return id == 9 ? &tall : &small; };
+    BodyPose sure;
+    for (JointEstimate& joint : sure.joints) joint = {.in_world = {0, 0, 1}, .std_m = 0.01};
+    BodyPose unsure = sure;
+    for (std::size_t j = 0; j < unsure.joints.size(); j += 2) unsure.joints[j].withheld_reason = "hidden";
+    const auto deadline = steady_clock::now() + std::chrono::seconds(30);
+    for (std::uint64_t n = 1; steady_clock::now() < deadline && !quality.report(); ++n) {
+        FrameResult result = result_at(n);
+        result.subjects.resize(2);
+        result.subjects[0].track.subject_id = 2;
+        result.subjects[0].pose = std::make_shared<const BodyPose>(sure);
+        result.subjects[1].track.subject_id = 9;
+        result.subjects[1].pose = std::make_shared<const BodyPose>(unsure);
+        quality.observe(result, body_of);
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    const auto report = quality.report();
+    ASSERT_TRUE(report);
+    const Measurements& seen = report->measurements;
+    EXPECT_EQ(seen.followed_subjects, 2);
+    EXPECT_EQ(seen.subject_id, 9u);
+    EXPECT_DOUBLE_EQ(*seen.body.stature_m, 1.9);
+    EXPECT_GT(seen.pose.withheld_fraction, 0.4);
+    EXPECT_FALSE(seen.pose.posed_iou) << "the silhouettes are of two people";
 }
 
 TEST(LiveQuality, EndsWithoutAnyResult) {

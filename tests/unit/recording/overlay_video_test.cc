@@ -50,8 +50,9 @@ TEST(OverlayVideo, RepeatsImageAndSkeletonOverALostFrame) {
     ASSERT_TRUE(cameras.ok()) << cameras.status();
     const std::filesystem::path video = folder.path() / "video.mp4";
     const std::atomic<bool> stop = false;
+    const Trial trial = trial_with_lost_frame();
     const absl::Status written =
-        write_overlay_video(*session, trial_with_lost_frame(), {.camera = "cam1"}, video, {stop});
+        write_overlay_video(*session, {&trial, 1}, {.camera = "cam1"}, video, {stop});
     ASSERT_TRUE(written.ok()) << written;
 
     const auto reader = open_images(video, cameras->front());

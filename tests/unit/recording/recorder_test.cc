@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
 #include <fstream>
 #include <future>
@@ -17,7 +18,9 @@
 #include "server/cameras/replay_source.h"
 #include "server/cameras/session_files.h"
 #include "server/cameras/session_source.h"
+#include "server/recording/recording_export.h"
 #include "tests/support/fake_capture.h"
+#include "tests/support/person_volume.h"
 #include "tests/support/small_session.h"
 
 namespace kinevox {
@@ -57,6 +60,10 @@ bool same(const Image& a, const Image& b) {
                       b.data.get());
 }
 
+const BodyShape* no_body(std::uint32_t) {
+    return nullptr;
+}
+
 class RecorderTest : public ::testing::Test {
   protected:
     RecorderTest() {
@@ -82,7 +89,7 @@ class RecorderTest : public ::testing::Test {
             while (recorder->status().queued_bytes > options.max_queue_bytes / 2)
                 std::this_thread::sleep_for(1ms);
             recorder->offer(noise_set(n));
-            recorder->observe(*testing::fake_result(n, nullptr), nullptr);
+            recorder->observe(*testing::fake_result(n, nullptr), no_body);
         }
     }
     void wait_until_written() {
@@ -321,17 +328,74 @@ TEST_F(RecorderTest, SavesTheBufferAndContinues) {
     expect_noise_sets(read_all(session_file("jump2")), 149, 151);
 }
 
+// Subjects 1 and 2; the second is not shown by every third frame set, and leaves.
+FrameResult two_subjects(std::uint64_t sequence, const std::shared_ptr<const Volume>& volume) {
+    FrameResult result = *testing::fake_result(sequence, volume);
+    SubjectResult second = result.subjects.front();
+    second.track.subject_id = 2;
+    if (sequence % 3 == 0) second.volume.reset(), second.pose.reset();
+    if (sequence < 12) result.subjects.push_back(second);
+    return result;
+}
+
+TEST_F(RecorderTest, RecordsEverySubject) {
+    options.several_subjects = true;
+    make();
+    ASSERT_TRUE(recorder->start("two", {}).ok());
+    const auto volume = std::make_shared<const Volume>(testing::person_volume(0.05));
+    const BodyShape small = default_body_shape(1.6), tall = default_body_shape(1.9);
+    const BodyOf body_of = [&](std::uint32_t id) { return id == 2 ? &tall : &small; };
+    for (std::uint64_t n = 0; n < 15; ++n) {
+        recorder->offer(noise_set(n));
+        recorder->observe(two_subjects(n, volume), body_of);
+    }
+    ASSERT_TRUE(recorder->stop().ok());
+    const fs::path recording = options.folder / "two";
+
+    std::ifstream joints(recording / "poses" / "joints.csv");
+    std::string line, rows;
+    std::getline(joints, line);
+    while (std::getline(joints, line)) {
+        const auto subject = line.find(',', line.find(',') + 1);
+        rows += line.substr(0, line.find(',')) + ":" + line.substr(subject + 1, 1) +
+                (line.find(",,,,") == std::string::npos ? " " : "- ");
+    }
+    EXPECT_EQ(rows,
+              "0:1 0:2- 1:1 1:2 2:1 2:2 3:1 3:2- 4:1 4:2 5:1 5:2 6:1 6:2- 7:1 7:2 8:1 8:2 9:1 9:2- "
+              "10:1 10:2 11:1 11:2 12:1 13:1 14:1 ");
+    for (const auto& [file, body] : {std::pair{"body_1.toml", small}, std::pair{"body_2.toml", tall}}) {
+        const auto written = read_body_shape(recording / "poses" / file);
+        ASSERT_TRUE(written.ok()) << written.status();
+        EXPECT_NEAR(written->stature_m, body.stature_m, 1e-6) << file;
+    }
+    const std::atomic<bool> stop = false;
+    for (const auto& [subject_id, files, last] :
+         {std::tuple{0u, 23u, "000011_s2.ply"}, std::tuple{2u, 8u, "000011.ply"}}) {
+        const fs::path out = folder.path() / std::to_string(subject_id);
+        fs::create_directory(out);
+        const auto exported = export_recording(
+            recording, {.format = ExportFormat::kPly, .subject_id = subject_id}, out, {stop});
+        ASSERT_TRUE(exported.ok()) << exported.status();
+        EXPECT_EQ(exported->files.size(), files);
+        EXPECT_TRUE(fs::exists(out / last)) << last;
+    }
+    EXPECT_FALSE(fs::exists(folder.path() / "0/000009_s2.ply")) << "tracked, but not shown";
+    EXPECT_TRUE(absl::IsOutOfRange(
+        export_recording(recording, {.format = ExportFormat::kPly, .subject_id = 3}, folder.path(), {stop})
+            .status()));
+}
+
 TEST_F(RecorderTest, WaitsForTheLastPoses) {
     options.save_volumes = false;
     make();
     ASSERT_TRUE(recorder->start("late", {}).ok());
     const auto volume = std::make_shared<const Volume>();
     for (std::uint64_t n = 0; n < 20; ++n) recorder->offer(noise_set(n));
-    for (std::uint64_t n = 0; n < 12; ++n) recorder->observe(*testing::fake_result(n, volume), nullptr);
+    for (std::uint64_t n = 0; n < 12; ++n) recorder->observe(*testing::fake_result(n, volume), no_body);
     auto stopping = std::async(std::launch::async, [this] { return recorder->stop(); });
     while (recorder->status().state != RecorderState::kFinishing) std::this_thread::yield();
     for (std::uint64_t n = 12; n < 25; ++n)  // and of some that are no longer in it
-        recorder->observe(*testing::fake_result(n, volume), nullptr);
+        recorder->observe(*testing::fake_result(n, volume), no_body);
     ASSERT_TRUE(stopping.get().ok());
     std::ifstream angles(options.folder / "late" / "poses" / "angles.csv");
     std::string line;

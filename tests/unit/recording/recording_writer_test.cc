@@ -50,7 +50,7 @@ std::shared_ptr<EncodedSet> set_of(std::uint64_t number) {
 // The sets wait for their results, which then arrive at once; the second does not fit.
 void fill(RecordingWriter& writer) {
     writer.begin(std::make_unique<FullFolder>(1), 0);
-    for (std::uint64_t n = 0; n < 4; ++n) writer.take(ResultOfSet{1, n, 0, nullptr, nullptr});
+    for (std::uint64_t n = 0; n < 4; ++n) writer.take(ResultOfSet{1, n, {}});
     for (std::uint64_t n = 0; n < 4; ++n) writer.take(set_of(n));
 }
 
@@ -70,7 +70,7 @@ TEST(RecordingWriter, EndsOnceWhenResultsDoNotFit) {
         writer.begin(std::make_unique<FullFolder>(100), 4);
         for (std::uint64_t n = 4; n < 8; ++n) {
             writer.take(set_of(n));
-            writer.take(ResultOfSet{1, n, 0, nullptr, nullptr});
+            writer.take(ResultOfSet{1, n, {}});
         }
         ASSERT_EQ(ended.size(), 1u);
         EXPECT_EQ(writer.recording(0)->about.frame_sets, 4u);
@@ -87,16 +87,16 @@ TEST(RecordingWriter, WaitsForSlowResultsOnly) {
     const FullFolder& folder = *made;
     writer.begin(std::move(made), 0);
     for (std::uint64_t n = 0; n < 3000; ++n) writer.take(set_of(n));  // 30 s
-    writer.take(ResultOfSet{1, 0, 0, nullptr, nullptr});
+    writer.take(ResultOfSet{1, 0, {}});
     EXPECT_EQ(folder.room(), 99);
     EXPECT_FALSE(writer.has_all_results());
-    writer.take(ResultOfSet{1, 2998, 0, nullptr, nullptr});  // the pipeline skipped those between
+    writer.take(ResultOfSet{1, 2998, {}});  // the pipeline skipped those between
     EXPECT_EQ(folder.room(), 98);
     EXPECT_FALSE(writer.has_all_results());
-    writer.take(ResultOfSet{1, 2999, 0, nullptr, nullptr});
+    writer.take(ResultOfSet{1, 2999, {}});
     EXPECT_TRUE(writer.has_all_results());
     for (std::uint64_t n = 3000; n < 10'000; ++n) writer.take(set_of(n));  // 70 s, and the pipeline hangs
-    writer.take(ResultOfSet{1, 3000, 0, nullptr, nullptr});
+    writer.take(ResultOfSet{1, 3000, {}});
     EXPECT_EQ(folder.room(), 97) << "it is not waited for for ever";
 }
 
