@@ -270,6 +270,7 @@ kernels::SegmentationPrior StagedPipeline::expectation(std::size_t camera,
                                                        const kernels::SegmentationPrior& tracked) {
     kernels::SegmentationPrior prior = tracked;
     if (shapes_.empty() || prior.region.empty()) return prior;
+    if (scene_ && prior.full_pass) return prior;  // newcomers are apart from the expected shapes
     const Camera& c = cameras_[camera];
     // Limbs also move relative to the body; components need only touch the expected projection.
     const int dilate_px = std::max(1, c.height / kExpectedDilation);

@@ -121,7 +121,13 @@ std::vector<kernels::SegmentationPrior> SceneTracker::predict(std::int64_t time_
     whole_images_ = subjects_.empty() || !pending_.empty() || predictions_ % interval == 0;
     ++predictions_;
     std::vector<kernels::SegmentationPrior> priors(cameras_.size());
-    if (whole_images_) return priors;
+    if (whole_images_) {
+        // With a region, the background model does not learn the subjects.
+        if (!subjects_.empty())
+            for (std::size_t c = 0; c < cameras_.size(); ++c)
+                priors[c].region = {0, 0, cameras_[c].width, cameras_[c].height};
+        return priors;
+    }
     const double margin = options_.region_margin_m + options_.limb_speed_m_per_s * seconds;
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
         kernels::Rect region;
