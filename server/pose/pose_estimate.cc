@@ -181,14 +181,33 @@ Misfit misfit_of(std::span<const SilhouetteRays> views, std::span<const SurfaceT
 double data_variance(double curvature, const Misfit& misfit, const Weights& of) {
     return curvature * (of.data * misfit.all / kUsualMisfit_m2 + std::min(1.0, curvature / kUndetermined2));
 }
+// Where all cameras but one show another subject at a joint, too, it may be farther off than `std_m`: the fit
+// may put the limb anywhere in the other one's silhouettes.
+constexpr int kMinAlone = 2;
+constexpr double kFartherAmongOthers = 2.5;
+
+// Per joint, whether other subjects leave fewer than kMinAlone views of it.
+std::bitset<kJointNames.size()> joints_among_others(std::span<const SilhouetteRays> views,
+                                                    const PosedBody& posed) {
+    std::bitset<kJointNames.size()> among;
+    const bool several = std::ranges::any_of(
+        views, [](const SilhouetteRays& view) { return view.camera && view.distance.has_shared(); });
+    for (std::size_t j = 0; several && j < among.size(); ++j)
+        among[j] = std::ranges::count_if(views, [&](const SilhouetteRays& view) {
+                       return view.shows_alone(posed.joints_in_world[j]);
+                   }) < kMinAlone;
+    return among;
+}
+
 // m^2, of a joint's gross error.
-double gross_variance(std::size_t joint, const Misfit& misfit) {
+double gross_variance(std::size_t joint, const Misfit& misfit, bool among_others) {
     const int segment = kJointSegment[joint];
     for (const GrossError& gross : kGrossErrors) {
         if (!kJointNames[joint].starts_with(gross.joint)) continue;
         const double log_odds = gross.log_odds + kOfTouching * std::log1p(misfit.touching[segment]) +
                                 kOfMisfit * std::sqrt(misfit.segment[segment]) / kOddsScale_m;
-        return gross.std_m * gross.std_m / (1 + std::exp(-log_odds));
+        const double std_m = gross.std_m * (among_others ? kFartherAmongOthers : 1);
+        return std_m * std_m / (1 + std::exp(-log_odds));
     }
     return 0;
 }
@@ -279,6 +298,7 @@ struct Evidence {
     SupportSets support;
     Ambiguity others;
     Misfit misfit;
+    std::bitset<kJointNames.size()> among_others;
     std::array<double, kJointNames.size()> gross_m2{};   // per axis, of gross errors
     std::array<double, kBodySegmentCount> gross_rad2{};  // of a segment's rotation
 };
@@ -286,7 +306,7 @@ struct Evidence {
 // A gross error of either end turns a segment.
 void judge_gross_errors(const PosedBody& posed, Evidence& evidence) {
     for (std::size_t j = 0; j < evidence.gross_m2.size(); ++j)
-        evidence.gross_m2[j] = gross_variance(j, evidence.misfit);
+        evidence.gross_m2[j] = gross_variance(j, evidence.misfit, evidence.among_others[j]);
     for (int s = 1; s < kBodySegmentCount; ++s) {
         const std::size_t start = origin_joint(s);
         const auto end = static_cast<std::size_t>(kSegmentFarJoint[s]);
@@ -408,7 +428,8 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
     Evidence evidence{.covariance = information.llt().solve(Matrix::Identity()),
                       .support = supporting_cameras(terms, capsules),
                       .others = ambiguity(model, posture, posed, others),
-                      .misfit = misfit_of(views, terms, capsules)};
+                      .misfit = misfit_of(views, terms, capsules),
+                      .among_others = joints_among_others(views, posed)};
     judge_gross_errors(posed, evidence);
     const JointJacobian jacobian = joint_jacobian(model, posed);
     judge_joints(jacobian, evidence, cameras, options, out);

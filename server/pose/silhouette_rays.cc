@@ -129,6 +129,20 @@ void SilhouetteDistance::build(const std::uint8_t* mask, const std::uint8_t* als
             }
             inside[static_cast<std::size_t>(r) * columns_ + c] = 2 * set >= cell_ * cell_ ? 1.f : 0.f;
         }
+    shared_.clear();
+    if (also) {
+        shared_.resize(cells);
+        for (int r = 0; r < rows_; ++r)
+            for (int c = 0; c < columns_; ++c) {
+                int set = 0;
+                for (int y = 0; y < cell_; ++y) {
+                    const std::uint8_t* const row =
+                        also + static_cast<std::ptrdiff_t>(y0_ + r * cell_ + y) * width + x0_ + c * cell_;
+                    for (int x = 0; x < cell_; ++x) set += row[x] != 0;
+                }
+                shared_[static_cast<std::size_t>(r) * columns_ + c] = 2 * set > cell_ * cell_;
+            }
+    }
     for (const bool to_inside : {true, false}) {
         squared.resize(cells);
         for (std::size_t k = 0; k < cells; ++k) squared[k] = (inside[k] > 0) == to_inside ? 0.f : kFar;
@@ -168,6 +182,21 @@ bool SilhouetteDistance::at(Vec2 p, double& distance, Vec2& gradient) const {
         gradient = {gradient.x - ox / out, gradient.y - oy / out};
     }
     return true;
+}
+
+bool SilhouetteDistance::is_shared(Vec2 p) const {
+    if (shared_.empty()) return false;
+    const auto c = static_cast<int>(std::floor((p.x - x0_ + 0.5) / cell_)),
+               r = static_cast<int>(std::floor((p.y - y0_ + 0.5) / cell_));
+    return c >= 0 && r >= 0 && c < columns_ && r < rows_ &&
+           shared_[static_cast<std::size_t>(r) * columns_ + c] != 0;
+}
+
+bool SilhouetteRays::shows_alone(Vec3 in_world) const {
+    if (!camera) return false;
+    const std::optional<Vec2> pixel = camera->project(in_world);
+    return pixel && pixel->x > -0.5 && pixel->y > -0.5 && pixel->x < camera->width - 0.5 &&
+           pixel->y < camera->height - 0.5 && !distance.is_shared(*pixel);
 }
 
 std::optional<double> SilhouetteRays::inside_m(Vec3 in_world) const {

@@ -30,11 +30,15 @@ class SilhouetteDistance {
     // Bilinear, with its gradient; outside the map, minus the distance to the map. False: outside the image,
     // or no silhouette.
     bool at(Vec2 pixel, double& distance_px, Vec2& gradient) const;
+    bool has_shared() const { return !shared_.empty(); }
+    // Whether most pixels around this one are in `also`.
+    bool is_shared(Vec2 pixel) const;
 
   private:
     int image_width_ = 0, image_height_ = 0;
     int x0_ = 0, y0_ = 0, cell_ = 1, columns_ = 0, rows_ = 0;
     std::vector<float> distance_;
+    std::vector<std::uint8_t> shared_;  // per cell, 1: most of it is in `also`; empty: none is
 };
 
 struct SilhouetteRays {
@@ -45,6 +49,8 @@ struct SilhouetteRays {
     // How far a point lies inside the silhouette in the image, m at the point's depth; negative outside.
     // Empty where this camera does not see it.
     std::optional<double> inside_m(Vec3 in_world) const;
+    // Whether this camera shows a point, and there this subject alone.
+    bool shows_alone(Vec3 in_world) const;
 };
 
 // Reads the sharp silhouette. Reuses the memory of `out`. Without sharp pixels out.camera is null. No rays

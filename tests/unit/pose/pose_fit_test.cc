@@ -92,6 +92,12 @@ TEST(SilhouetteRays, HasNoContourInSharedForegroundButAllowsTheBodyThere) {
     ASSERT_TRUE(with_other.distance.at({140, 75}, shared_px, gradient));
     EXPECT_NEAR(own_px, -20.5, 2);
     EXPECT_NEAR(shared_px, 19.5, 2);
+    // 2 m before the camera, which looks along z.
+    const auto at_column = [&](double x) { return Vec3{2 * (x - 99.5) / 200, 0, 2}; };
+    EXPECT_TRUE(with_other.shows_alone(at_column(80)));
+    EXPECT_FALSE(with_other.shows_alone(at_column(130)));
+    EXPECT_TRUE(whole.shows_alone(at_column(130)));
+    EXPECT_FALSE(whole.shows_alone(at_column(230))) << "outside the image";
 }
 
 TEST(PoseTracker, FindsBodyWithoutPrior) {
