@@ -61,13 +61,13 @@ absl::Status run_follow(const GlobalOptions& global, const SubjectsOptions& opti
     request.set_follow_all(options.all);
     if (!options.all && options.ids.empty())
         return absl::InvalidArgumentError("no subject is given; give the ids to follow, or --all");
-    request.mutable_follow()->Assign(options.ids.begin(), options.ids.end());
+    request.mutable_followed_ids()->Assign(options.ids.begin(), options.ids.end());
     return select(global, options, request, options.all ? "follows as configured" : "follows only these");
 }
 
 absl::Status run_ignore(const GlobalOptions& global, const SubjectsOptions& options) {
     v1::SelectSubjectsRequest request;
-    request.mutable_ignore()->Assign(options.ids.begin(), options.ids.end());
+    request.mutable_ignored_ids()->Assign(options.ids.begin(), options.ids.end());
     return select(global, options, request, "ignored");
 }
 

@@ -60,11 +60,11 @@ absl::Status list_subjects(const ApiContext& api, const v1::ListSubjectsRequest&
 absl::Status select_subjects(const ApiContext& api, const v1::SelectSubjectsRequest& request) {
     const auto control = control_of(api);
     if (!control.ok()) return control.status();
-    if ((request.follow_size() > 0) + (request.ignore_size() > 0) + request.follow_all() != 1)
-        return absl::InvalidArgumentError("set one of follow, ignore and follow_all");
+    if ((request.followed_ids_size() > 0) + (request.ignored_ids_size() > 0) + request.follow_all() != 1)
+        return absl::InvalidArgumentError("set one of followed_ids, ignored_ids and follow_all");
     if (absl::Status held = use_control(api, request.lease_id()); !held.ok()) return held;
-    if (request.follow_size() > 0) return (*control)->follow_only(ids_of(request.follow()));
-    if (request.ignore_size() > 0) return (*control)->ignore(ids_of(request.ignore()));
+    if (request.followed_ids_size() > 0) return (*control)->follow_only(ids_of(request.followed_ids()));
+    if (request.ignored_ids_size() > 0) return (*control)->ignore(ids_of(request.ignored_ids()));
     (*control)->follow_all();
     return absl::OkStatus();
 }

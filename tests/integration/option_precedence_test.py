@@ -27,6 +27,9 @@ REQUIRED = {
     "calibrate apply": ["c1"],
     "calibrate delete": ["c1", "--yes"],
     "calibrate import": ["calibration.toml"],
+    "subjects follow": ["1"],
+    "subjects ignore": ["1"],
+    "subjects name": ["1", "A"],
     "record delete": ["name", "--yes"],
     "record export": ["name", "--format", "trc", "--out", "never-written.trc"],
 }

@@ -26,7 +26,7 @@ class SubjectsApiTest : public ApiTest {
 
     static v1::SelectSubjectsRequest follow(const std::vector<std::uint32_t>& ids) {
         v1::SelectSubjectsRequest request;
-        request.mutable_follow()->Assign(ids.begin(), ids.end());
+        request.mutable_followed_ids()->Assign(ids.begin(), ids.end());
         return request;
     }
 };
@@ -77,7 +77,7 @@ TEST_F(SubjectsApiTest, SelectsUnderControlOnly) {
     ASSERT_TRUE(client_.release_control(held).ok());
 
     v1::SelectSubjectsRequest ignore;
-    ignore.add_ignore(1);
+    ignore.add_ignored_ids(1);
     EXPECT_TRUE(client_.select_subjects("ann", ignore).ok());
     EXPECT_THAT(control().requests().ignored, ElementsAre(1));
     v1::SelectSubjectsRequest all;

@@ -65,7 +65,7 @@ class ApiShape(unittest.TestCase):
 
     def test_lists_have_pages(self):
         lists = [name for name in self.methods if name.startswith("List")]
-        self.assertEqual(len(lists), 4, lists)
+        self.assertEqual(len(lists), 5, lists)
         for name in lists:
             self.assertEqual(self.field(name + "Request", "page_size").type, Field.TYPE_INT32)
             self.assertEqual(self.field(name + "Request", "page_token").type, Field.TYPE_STRING)
