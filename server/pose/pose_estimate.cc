@@ -181,23 +181,8 @@ Misfit misfit_of(std::span<const SilhouetteRays> views, std::span<const SurfaceT
 double data_variance(double curvature, const Misfit& misfit, const Weights& of) {
     return curvature * (of.data * misfit.all / kUsualMisfit_m2 + std::min(1.0, curvature / kUndetermined2));
 }
-// Where all cameras but one show another subject at a joint, too, it may be farther off than `std_m`: the fit
-// may put the limb anywhere in the other one's silhouettes.
-constexpr int kMinAlone = 2;
+// Where is_among_others(), the fit may put a limb anywhere in the other subject's silhouettes.
 constexpr double kFartherAmongOthers = 2.5;
-
-// Per joint, whether other subjects leave fewer than kMinAlone views of it.
-std::bitset<kJointNames.size()> joints_among_others(std::span<const SilhouetteRays> views,
-                                                    const PosedBody& posed) {
-    std::bitset<kJointNames.size()> among;
-    const bool several = std::ranges::any_of(
-        views, [](const SilhouetteRays& view) { return view.camera && view.distance.has_shared(); });
-    for (std::size_t j = 0; several && j < among.size(); ++j)
-        among[j] = std::ranges::count_if(views, [&](const SilhouetteRays& view) {
-                       return view.shows_alone(posed.joints_in_world[j]);
-                   }) < kMinAlone;
-    return among;
-}
 
 // m^2, of a joint's gross error.
 double gross_variance(std::size_t joint, const Misfit& misfit, bool among_others) {
@@ -298,15 +283,15 @@ struct Evidence {
     SupportSets support;
     Ambiguity others;
     Misfit misfit;
-    std::bitset<kJointNames.size()> among_others;
     std::array<double, kJointNames.size()> gross_m2{};   // per axis, of gross errors
     std::array<double, kBodySegmentCount> gross_rad2{};  // of a segment's rotation
 };
 
 // A gross error of either end turns a segment.
-void judge_gross_errors(const PosedBody& posed, Evidence& evidence) {
+void judge_gross_errors(std::span<const SilhouetteRays> views, const PosedBody& posed, Evidence& evidence) {
     for (std::size_t j = 0; j < evidence.gross_m2.size(); ++j)
-        evidence.gross_m2[j] = gross_variance(j, evidence.misfit, evidence.among_others[j]);
+        evidence.gross_m2[j] =
+            gross_variance(j, evidence.misfit, is_among_others(views, posed.joints_in_world[j]));
     for (int s = 1; s < kBodySegmentCount; ++s) {
         const std::size_t start = origin_joint(s);
         const auto end = static_cast<std::size_t>(kSegmentFarJoint[s]);
@@ -428,9 +413,8 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
     Evidence evidence{.covariance = information.llt().solve(Matrix::Identity()),
                       .support = supporting_cameras(terms, capsules),
                       .others = ambiguity(model, posture, posed, others),
-                      .misfit = misfit_of(views, terms, capsules),
-                      .among_others = joints_among_others(views, posed)};
-    judge_gross_errors(posed, evidence);
+                      .misfit = misfit_of(views, terms, capsules)};
+    judge_gross_errors(views, posed, evidence);
     const JointJacobian jacobian = joint_jacobian(model, posed);
     judge_joints(jacobian, evidence, cameras, options, out);
     judge_angles(angle_derivatives(posed) * jacobian, evidence, cameras, options, out);

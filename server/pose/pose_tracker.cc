@@ -119,8 +119,11 @@ void PoseTracker::begin(std::span<const SilhouetteRays> views, Vec3 centre,
 // Searches a limb globally and keeps the result only if the whole body fits better with it.
 void PoseTracker::search_limb(Hypothesis& h, std::span<const SilhouetteRays> views, Limb limb,
                               LimbSearchScope scope) {
+    const auto end = static_cast<std::size_t>(kSegmentFarJoint[segments_of(limb).lower]);
+    // Among other people small gains are no evidence: a limb may fit anywhere in their silhouettes.
+    const bool hidden = is_among_others(views, model_->forward(h.posture).joints_in_world[end]);
     try_moved(h, views, limbs_.improve(*model_, h.posture, views, limb, scope, 2 * options_.fit.narrow_m),
-              kBetter);
+              hidden ? kClearlyBetter : kBetter);
     if (limb == Limb::kArmL || limb == Limb::kArmR) try_mirrored_elbow(h, views, limb);
 }
 

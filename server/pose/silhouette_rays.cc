@@ -209,6 +209,12 @@ std::optional<double> SilhouetteRays::inside_m(Vec3 in_world) const {
     return inside_px * (2 * depth / (camera->fx + camera->fy));
 }
 
+bool is_among_others(std::span<const SilhouetteRays> views, Vec3 in_world) {
+    constexpr int kMinAlone = 2;
+    return std::ranges::any_of(views, [](const auto& v) { return v.camera && v.distance.has_shared(); }) &&
+           std::ranges::count_if(views, [&](const auto& v) { return v.shows_alone(in_world); }) < kMinAlone;
+}
+
 void read_silhouette(const Camera& camera, const kernels::Silhouettes& s, const SilhouetteRayOptions& options,
                      SilhouetteRays& out, const ForegroundPart* shared) {
     if (shared && shared->box.empty()) shared = nullptr;

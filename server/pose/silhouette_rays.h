@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "common/camera.h"
@@ -52,6 +53,10 @@ struct SilhouetteRays {
     // Whether this camera shows a point, and there this subject alone.
     bool shows_alone(Vec3 in_world) const;
 };
+
+// Whether at this point all views but one at most show another subject, too, or nothing: a limb may be there
+// whether it fits or not.
+bool is_among_others(std::span<const SilhouetteRays> views, Vec3 in_world);
 
 // Reads the sharp silhouette. Reuses the memory of `out`. Without sharp pixels out.camera is null. No rays
 // in `shared` (PoseView::shared), and the distance is to the border of both.

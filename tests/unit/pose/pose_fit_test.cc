@@ -98,6 +98,10 @@ TEST(SilhouetteRays, HasNoContourInSharedForegroundButAllowsTheBodyThere) {
     EXPECT_FALSE(with_other.shows_alone(at_column(130)));
     EXPECT_TRUE(whole.shows_alone(at_column(130)));
     EXPECT_FALSE(whole.shows_alone(at_column(230))) << "outside the image";
+    EXPECT_TRUE(is_among_others(std::vector{whole, with_other}, at_column(130)));
+    EXPECT_FALSE(is_among_others(std::vector{whole, with_other}, at_column(80)));
+    EXPECT_FALSE(is_among_others(std::vector{whole, whole, with_other}, at_column(130)));
+    EXPECT_FALSE(is_among_others(std::vector{whole}, at_column(130))) << "no other subject is there";
 }
 
 TEST(PoseTracker, FindsBodyWithoutPrior) {
