@@ -12,6 +12,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
 import threading
 import unittest
 from pathlib import Path
@@ -93,6 +94,24 @@ class Python(unittest.TestCase):
             self.assertTrue(40 < subject.volume_litres < 130, subject.volume_litres)
             self.assertLess(np.linalg.norm(own.mean(axis=0)[:2] - subject.centre_m[:2]), 0.3)
         self.assertIsNone(frame.subject(10_000).volume)
+
+    def test_subjects_are_listed_named_and_selected(self):
+        for _ in range(20):  # ids are new where the session begins again
+            present = [subject for subject in self.client.subjects() if subject.absent_s == 0]
+            try:
+                self.client.name_subject(present[0].subject_id, "Ann")
+                named = {subject.name: subject for subject in self.client.subjects()}["Ann"]
+                break
+            except (IndexError, KeyError, kinevox.NotFound):
+                time.sleep(0.2)
+        self.assertEqual((named.subject_id, named.following), (present[0].subject_id, "followed"))
+        self.assertGreater(named.height_m, 1)
+        self.assertEqual(named.centre_m.shape, (3,))
+        self.client.select_subjects()
+        with self.assertRaisesRegex(kinevox.NotFound, "999"):
+            self.client.select_subjects(follow=[999])
+        with self.assertRaises(kinevox.InvalidArgument):
+            self.client.select_subjects(follow=[1], ignore=[2])
 
     def test_examples(self):
         out = Path(folder.name) / "poses.csv"

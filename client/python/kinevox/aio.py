@@ -76,6 +76,9 @@ class AsyncCapture(AsyncService):
     start = awaited(Capture.start)
     stop = awaited(Capture.stop)
     learn_background = awaited(Capture.learn_background)
+    subjects = awaited(Capture.subjects)
+    select_subjects = awaited(Capture.select_subjects)
+    name_subject = awaited(Capture.name_subject)
 
 
 class AsyncRecordings(AsyncService):

@@ -1,6 +1,7 @@
 """The capture: its state, cameras, events and control."""
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -87,6 +88,35 @@ class SubjectStatus:
         centre = np.array([at.x, at.y, at.z])
         return SubjectStatus(
             subject.subject_id, centre, subject.centre_std_m, status.pose_found, status.volume.volume_litres
+        )
+
+
+@dataclass(frozen=True)
+class ListedSubject:
+    """A person in the scene, or one who left and may return.
+
+    name: empty: none. following: followed, ignored, outside, too_many or absent. centre_m: (3,), world frame; if absent,
+    the last one. height_m: of the highest part above the floor; if absent, the median. absent_s: 0 while present.
+    """
+
+    subject_id: int
+    name: str
+    following: str
+    centre_m: Floats
+    height_m: float
+    absent_s: float
+
+    @staticmethod
+    def of(subject: Any) -> "ListedSubject":
+        """From the daemon's message."""
+        at = subject.centre_in_world
+        return ListedSubject(
+            subject.subject_id,
+            subject.name,
+            enum_name(pb.SubjectFollowing.DESCRIPTOR, subject.following, "SUBJECT_FOLLOWING_"),
+            np.array([at.x, at.y, at.z]),
+            subject.height_m,
+            subject.absent_duration.ToNanoseconds() / 1e9,
         )
 
 
@@ -237,5 +267,47 @@ class Capture(Service):
                 nothing,
                 True,
                 timeout_s,
+            )
+        )
+
+    def subjects(self) -> list[ListedSubject]:
+        """Everybody who is tracked, followed or not, by id. FailedPrecondition if the daemon follows one subject only."""
+        return self._runner.run(
+            Call(
+                "CaptureService/ListSubjects",
+                pb.ListSubjectsRequest(),
+                pb.ListSubjectsResponse,
+                lambda answer: [ListedSubject.of(subject) for subject in answer.subjects],
+            )
+        )
+
+    def select_subjects(self, follow: Iterable[int] = (), ignore: Iterable[int] = ()) -> None:
+        """Chooses who is followed, from the next frame set until the track is reset.
+
+        follow: only these ids, wherever they are. ignore: not these, others as before. Neither: whom the configuration
+        selects. NotFound names the ids there are; InvalidArgument for both, or more than max_subjects.
+        """
+        followed, ignored = list(follow), list(ignore)
+        return self._runner.run(
+            Call(
+                "CaptureService/SelectSubjects",
+                pb.SelectSubjectsRequest(
+                    followed_ids=followed, ignored_ids=ignored, follow_all=not followed and not ignored
+                ),
+                pb.SelectSubjectsResponse,
+                nothing,
+                True,
+            )
+        )
+
+    def name_subject(self, subject_id: int, name: str) -> None:
+        """Gives a subject a name, which lists, status and volumes contain; "" removes it. NotFound, InvalidArgument."""
+        return self._runner.run(
+            Call(
+                "CaptureService/NameSubject",
+                pb.NameSubjectRequest(subject_id=subject_id, name=name),
+                pb.NameSubjectResponse,
+                nothing,
+                True,
             )
         )
