@@ -18,10 +18,10 @@ constexpr Duration patient(Duration limit) {
     return limit * kTimesSlower;
 }
 
-// Whether the condition holds within patient(twenty seconds).
+// Whether the condition holds within patient(limit).
 template <class Condition>
-bool eventually(const Condition& condition) {
-    const auto end = std::chrono::steady_clock::now() + patient(std::chrono::seconds(20));
+bool eventually(const Condition& condition, std::chrono::seconds limit = std::chrono::seconds(20)) {
+    const auto end = std::chrono::steady_clock::now() + patient(limit);
     while (!condition()) {
         if (std::chrono::steady_clock::now() > end) return false;
         std::this_thread::sleep_for(std::chrono::milliseconds(1));

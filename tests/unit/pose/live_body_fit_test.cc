@@ -183,10 +183,11 @@ TEST_F(SeveralBodiesTest, FitsEachSubjectsBody) {
     EXPECT_THAT(reported(), ElementsAre(0)) << "the body of the next subject";
     show_both(1.2);
     EXPECT_THAT(reported(), ElementsAre(3, 7));
-    ASSERT_TRUE(testing::eventually([&] {
+    const auto all_are_ready = [&] {
         return std::ranges::all_of(
             fit_->progress(), [](const BodyFitProgress& each) { return each.state == BodyFitState::kReady; });
-    }));
+    };
+    ASSERT_TRUE(testing::eventually(all_are_ready, std::chrono::seconds(120)));  // two fits at low priority
     EXPECT_NEAR(fit_->body_in_use(3).shape.stature_m, 1.60, 0.04);
     EXPECT_NEAR(fit_->body_in_use(7).shape.stature_m, 1.88, 0.04);
     EXPECT_EQ(fit_->body_in_use(8).shape, default_body_shape());
