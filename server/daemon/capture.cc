@@ -30,7 +30,7 @@ std::optional<double> min_silhouette_iou(const FrameResult& result, std::size_t 
 Capture::Capture(const DaemonConfig& given)
     : config(given),
       background(background_folder(config), [](const std::string& message) { spdlog::info("{}", message); }),
-      quality({.several_subjects = config.tracking.max_subjects > 1,
+      quality({.several_subjects = config.tracking.several_subjects(),
                .subjects_selected = config.tracking.rules != SubjectRules{}}) {}
 
 absl::StatusOr<std::unique_ptr<Capture>> Capture::create(const DaemonConfig& config,
@@ -71,8 +71,7 @@ absl::Status Capture::open(const MakeGpu& make_gpu) {
     camera_watch = std::make_unique<CameraWatch>(runner->cameras(), CameraWatchOptions{},
                                                  [this](const Event& event) { hub.events().publish(event); });
     restore_calibration();
-    auto made_recorder = make_recorder(config, *runner, *calibrations, *active_calibration,
-                                       options.tracker.max_subjects > 1, hub.events());
+    auto made_recorder = make_recorder(config, *runner, *calibrations, *active_calibration, hub.events());
     if (!made_recorder.ok()) return made_recorder.status();
     recorder = *std::move(made_recorder);
     warn_of_unwritable_recordings(recorder->options().folder);
@@ -124,7 +123,7 @@ void Capture::observe(const FrameResult& result) {
 
 const BodyShape* Capture::body_of(std::uint32_t subject_id) const {
     if (!pose_stage) return nullptr;
-    if (options.tracker.max_subjects == 1) return &pose_stage->body();
+    if (!options.tracker.several_subjects()) return &pose_stage->body();
     if (subject_id == 0) return &options.posing.body;
     const PoseStage* const stage = live_pipeline->pose_stage_of(subject_id);
     return stage ? &stage->body() : nullptr;
@@ -143,7 +142,7 @@ void Capture::fit_bodies(const FrameResult& result) {
         if (stage.body() != body.shape) stage.set_body(body.shape, body.standing_m);
     };
     // A single subject's body stays when the subject is lost; the stages of several serve new ones.
-    if (options.tracker.max_subjects == 1) return use_fitted(0, *pose_stage);
+    if (!options.tracker.several_subjects()) return use_fitted(0, *pose_stage);
     for (const SubjectResult& subject : result.subjects)
         if (PoseStage* const stage = live_pipeline->pose_stage_of(subject.track.subject_id))
             use_fitted(subject.track.subject_id, *stage);

@@ -125,7 +125,7 @@ std::filesystem::path fitted_body_file(const PoseConfig& config) {
 DaemonConfig with_fitted_body(DaemonConfig config) {
     const std::filesystem::path file = fitted_body_file(config.pose);
     std::error_code error;
-    if (!config.pose.enabled || config.tracking.max_subjects > 1) return config;  // it is of one person
+    if (!config.pose.enabled || config.tracking.several_subjects()) return config;  // it is of one person
     if (!config.pose.body_file.empty() || file.empty() || !std::filesystem::exists(file, error))
         return config;
     if (const auto body = read_body_shape(file); body.ok()) {
@@ -173,8 +173,7 @@ void warn_of_unwritable_recordings(const std::filesystem::path& folder) {
 
 absl::StatusOr<std::unique_ptr<Recorder>> make_recorder(const DaemonConfig& daemon, const Runner& runner,
                                                         const CalibrationStore& store,
-                                                        const ActiveCalibration& active,
-                                                        bool several_subjects, EventLog& events) {
+                                                        const ActiveCalibration& active, EventLog& events) {
     const auto bytes = [](int megabytes) { return static_cast<std::size_t>(megabytes) << 20; };
     const RecordingConfig& config = daemon.recording;
     std::filesystem::path own_calibration;
@@ -187,7 +186,7 @@ absl::StatusOr<std::unique_ptr<Recorder>> make_recorder(const DaemonConfig& daem
         if (name_of(codec) == config.codec) options.codec = codec;
     options.save_poses = config.save_poses;
     options.save_volumes = config.save_volumes;
-    options.several_subjects = several_subjects;
+    options.several_subjects = daemon.tracking.several_subjects();
     options.max_buffer_s = options.folder.empty() ? 0 : config.max_buffer_s;
     options.max_buffer_bytes = bytes(config.max_buffer_mb);
     options.max_queue_bytes = bytes(config.max_queue_mb);
@@ -242,7 +241,7 @@ std::unique_ptr<LiveBodyFit> make_body_fit(const PoseConfig& config, const Runne
                                            EventLog& events, BodyWatch& watch) {
     LiveBodyFitOptions options;
     options.automatic = config.auto_fit_body && config.body_file.empty();
-    options.several_subjects = pipeline.tracker.max_subjects > 1;
+    options.several_subjects = pipeline.tracker.several_subjects();
     if (!options.several_subjects) options.file = fitted_body_file(config);
     const auto on_end = [database, &events, several = options.several_subjects](const BodyFitProgress& fit) {
         // The database is searched for all subjects; several have no common stature.

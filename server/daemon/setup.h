@@ -56,8 +56,7 @@ void warn_of_unwritable_recordings(const std::filesystem::path& folder);
 // The arguments must outlive the recorder.
 absl::StatusOr<std::unique_ptr<Recorder>> make_recorder(const DaemonConfig& config, const Runner& runner,
                                                         const CalibrationStore& store,
-                                                        const ActiveCalibration& active,
-                                                        bool several_subjects, EventLog& events);
+                                                        const ActiveCalibration& active, EventLog& events);
 
 RetentionLimits retention_limits(const RecordingConfig& config);
 

@@ -21,6 +21,7 @@
 #include "server/pipeline/tracking/cone_box.h"
 #include "server/pipeline/tracking/scene_tracker.h"
 #include "server/pose/pose_stage.h"
+#include "server/silhouettes/mask_box.h"
 
 namespace kinevox {
 namespace {
@@ -284,11 +285,7 @@ kernels::SegmentationPrior StagedPipeline::expectation(std::size_t camera,
         mask.resize(expected.size());
         kernels::Rect covered;
         kernels::project_volume(shapes_[n].coarse, models_[camera], moved, dilate_px, mask.data(), covered);
-        if (n == 0) continue;
-        for (int y = covered.y0; y < covered.y1; ++y) {
-            const std::size_t row = static_cast<std::size_t>(y) * c.width;
-            for (int x = covered.x0; x < covered.x1; ++x) expected[row + x] |= mask[row + x];
-        }
+        if (n > 0) add_box(mask, c.width, covered, expected);
     }
     prior.expected = expected.data();
     if (prior.max_distance_px >= 0) prior.max_distance_px = std::max(prior.max_distance_px - dilate_px, 0);
@@ -514,7 +511,7 @@ PoseStage& StagedPipeline::lane_of(const FrameResult& result, std::uint32_t subj
         });
     });
     const bool first_use = std::exchange(lane.subject_id, subject_id) == 0;
-    if (!first_use && options_.tracker.max_subjects > 1) lane.stage->set_body(options_.posing.body);
+    if (!first_use && options_.tracker.several_subjects()) lane.stage->set_body(options_.posing.body);
     lane.last_time_ns = result.capture_time_ns;
     lane.stage->reset();
     lane.stage->set_proposer(pose_lanes_.front().stage->proposer());

@@ -10,10 +10,6 @@
 namespace kinevox {
 namespace {
 
-bool contains(const std::vector<std::uint32_t>& ids, std::uint32_t id) {
-    return std::ranges::find(ids, id) != ids.end();
-}
-
 bool is_plain(const std::string& name) {
     return std::ranges::none_of(name,
                                 [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
@@ -35,7 +31,7 @@ absl::Status SubjectControl::check_known(const std::vector<std::uint32_t>& ids) 
     std::vector<std::uint32_t> there;
     for (const KnownSubject& each : known_) there.push_back(each.id);
     for (const std::uint32_t id : ids)
-        if (!contains(there, id))
+        if (!has_id(there, id))
             return absl::NotFoundError(
                 there.empty()
                     ? fmt::format("there is no subject {}; the scene has been empty so far", id)
@@ -60,14 +56,14 @@ absl::Status SubjectControl::ignore(const std::vector<std::uint32_t>& ids) {
     const std::lock_guard lock(mutex_);
     if (absl::Status known = check_known(ids); !known.ok()) return known;
     std::vector<std::uint32_t> left = requests_.only;
-    std::erase_if(left, [&](std::uint32_t id) { return contains(ids, id); });
+    std::erase_if(left, [&](std::uint32_t id) { return has_id(ids, id); });
     if (left.empty() && !requests_.only.empty())
         return absl::FailedPreconditionError(
             "no other subject is followed on request; follow another one, or all (kinevox subjects follow "
             "--all)");
     requests_.only = std::move(left);
     for (const std::uint32_t id : ids)
-        if (!contains(requests_.ignored, id)) requests_.ignored.push_back(id);
+        if (!has_id(requests_.ignored, id)) requests_.ignored.push_back(id);
     return absl::OkStatus();
 }
 

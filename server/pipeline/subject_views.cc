@@ -8,6 +8,7 @@
 #include "server/pipeline/for_each_camera.h"
 #include "server/pipeline/tracking/cone_box.h"
 #include "server/pose/main_body.h"
+#include "server/silhouettes/mask_box.h"
 
 namespace kinevox {
 namespace {
@@ -18,10 +19,7 @@ constexpr int kDilation = 100;
 
 // Of an image with `pixels`, nothing set.
 void clear(std::size_t pixels, int width, ForegroundPart& part) {
-    if (part.mask.size() == pixels)
-        for (int y = part.box.y0; y < part.box.y1; ++y)
-            std::fill_n(part.mask.data() + static_cast<std::size_t>(y) * width + part.box.x0,
-                        part.box.width(), std::uint8_t{0});
+    if (part.mask.size() == pixels) clear_box(part.mask, width, part.box);
     part.box = {};
 }
 

@@ -4,6 +4,7 @@
 #include <array>
 
 #include "kernels/projection.h"
+#include "server/silhouettes/mask_box.h"
 
 namespace kinevox {
 namespace {
@@ -50,13 +51,8 @@ void clear_for(const kernels::Silhouettes& seen, kernels::Silhouettes& out) {
         out.loose.assign(seen.sharp.size(), 0);
         return;
     }
-    for (int y = out.searched.y0; y < out.searched.y1; ++y) {
-        const std::size_t at = static_cast<std::size_t>(y) * out.width + out.searched.x0;
-        std::fill_n(out.sharp.begin() + static_cast<std::ptrdiff_t>(at), out.searched.width(),
-                    std::uint8_t{0});
-        std::fill_n(out.loose.begin() + static_cast<std::ptrdiff_t>(at), out.searched.width(),
-                    std::uint8_t{0});
-    }
+    clear_box(out.sharp, out.width, out.searched);
+    clear_box(out.loose, out.width, out.searched);
 }
 
 }  // namespace

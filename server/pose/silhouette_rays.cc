@@ -119,30 +119,23 @@ void SilhouetteDistance::build(const std::uint8_t* mask, const std::uint8_t* als
     thread_local Scratch scratch;
     std::vector<float>&inside = scratch.inside, &squared = scratch.squared;
     inside.resize(cells);
+    shared_.assign(also ? cells : 0, 0);
     for (int r = 0; r < rows_; ++r)
         for (int c = 0; c < columns_; ++c) {
-            int set = 0;
+            int set = 0, shared = 0;
             for (int y = 0; y < cell_; ++y) {
                 const std::ptrdiff_t at =
                     static_cast<std::ptrdiff_t>(y0_ + r * cell_ + y) * width + x0_ + c * cell_;
-                for (int x = 0; x < cell_; ++x) set += mask[at + x] != 0 || (also && also[at + x] != 0);
-            }
-            inside[static_cast<std::size_t>(r) * columns_ + c] = 2 * set >= cell_ * cell_ ? 1.f : 0.f;
-        }
-    shared_.clear();
-    if (also) {
-        shared_.resize(cells);
-        for (int r = 0; r < rows_; ++r)
-            for (int c = 0; c < columns_; ++c) {
-                int set = 0;
-                for (int y = 0; y < cell_; ++y) {
-                    const std::uint8_t* const row =
-                        also + static_cast<std::ptrdiff_t>(y0_ + r * cell_ + y) * width + x0_ + c * cell_;
-                    for (int x = 0; x < cell_; ++x) set += row[x] != 0;
+                for (int x = 0; x < cell_; ++x) {
+                    const bool in_also = also && also[at + x] != 0;
+                    set += mask[at + x] != 0 || in_also;
+                    shared += in_also;
                 }
-                shared_[static_cast<std::size_t>(r) * columns_ + c] = 2 * set > cell_ * cell_;
             }
-    }
+            const std::size_t cell = static_cast<std::size_t>(r) * columns_ + c;
+            inside[cell] = 2 * set >= cell_ * cell_ ? 1.f : 0.f;
+            if (also) shared_[cell] = 2 * shared > cell_ * cell_;
+        }
     for (const bool to_inside : {true, false}) {
         squared.resize(cells);
         for (std::size_t k = 0; k < cells; ++k) squared[k] = (inside[k] > 0) == to_inside ? 0.f : kFar;

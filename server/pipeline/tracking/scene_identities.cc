@@ -15,7 +15,7 @@ constexpr double kMaxUndecided_s = 0.2;  // beyond confirm_frames, while a newco
 constexpr double kRememberInterval_s = 0.2;
 constexpr double kApart_m = 0.2;  // between two subjects' boxes, if neither has cells of the other
 
-bool are_beside(const CellStatistics& a, const Box3& b) {
+bool are_beside(const CellStatistics& a, const CellStatistics& b) {
     return a.min_in_world.x < b.max_in_world.x + kApart_m && a.max_in_world.x > b.min_in_world.x - kApart_m &&
            a.min_in_world.y < b.max_in_world.y + kApart_m && a.max_in_world.y > b.min_in_world.y - kApart_m;
 }
@@ -66,9 +66,8 @@ void SceneTracker::remember(std::int64_t time_ns) {
     if (due) last_remembered_ns_ = time_ns;
     for (const Subject& subject : subjects_) {
         if (!subject.seen) continue;
-        const Box3 own{subject.shape.min_in_world, subject.shape.max_in_world};
         const bool apart = std::ranges::none_of(subjects_, [&](const Subject& other) {
-            return other.id != subject.id && are_beside(other.shape, own);
+            return other.id != subject.id && are_beside(other.shape, subject.shape);
         });
         if (due && apart && is_upright(subject.cells))
             memory_.observe(subject.id, appearance_of(grid_, subject.cells, views_));

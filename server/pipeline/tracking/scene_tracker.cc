@@ -10,6 +10,7 @@
 #include "kernels/projection.h"
 #include "server/pipeline/for_each_camera.h"
 #include "server/pipeline/subject_control.h"
+#include "server/silhouettes/mask_box.h"
 #include "server/silhouettes/to_kernel.h"
 
 namespace kinevox {
@@ -264,13 +265,14 @@ int SceneTracker::views_that_need(const Cells& part, const SilhouettesByCamera& 
                                   std::vector<std::vector<std::uint8_t>>& explained) const {
     const kernels::VoxelVolume volume = grid_.volume_of(part);
     std::vector<std::vector<std::uint8_t>> masks(cameras_.size());
+    std::vector<kernels::Rect> boxes(cameras_.size());
     std::vector<char> needed(cameras_.size(), 0);
     for_each_camera(cameras_.size(), [&](std::size_t c) {
         if (!silhouettes[c] || silhouettes[c]->sharp.empty()) return;
         const kernels::Silhouettes& seen = *silhouettes[c];
         masks[c].resize(seen.sharp.size());
         const float still[3] = {0, 0, 0};
-        kernels::Rect box;
+        kernels::Rect& box = boxes[c];
         kernels::project_volume(volume, models_[c], still, 1, masks[c].data(), box);
         std::int64_t inside = 0, more = 0;
         for (int y = box.y0; y < box.y1; ++y)
@@ -285,7 +287,7 @@ int SceneTracker::views_that_need(const Cells& part, const SilhouettesByCamera& 
     const auto views = static_cast<int>(std::ranges::count(needed, 1));
     if (views < kMinNewViews) return views;
     for (std::size_t c = 0; c < cameras_.size(); ++c)
-        for (std::size_t k = 0; k < masks[c].size(); ++k) explained[c][k] |= masks[c][k];
+        add_box(masks[c], cameras_[c].width, boxes[c], explained[c]);
     return views;
 }
 
@@ -344,10 +346,10 @@ void SceneTracker::find_new(std::int64_t time_ns, const SilhouettesByCamera& sil
             explained[c].assign(static_cast<std::size_t>(cameras_[c].width) * cameras_[c].height, 0);
             std::vector<std::uint8_t> mask(explained[c].size());
             const float still[3] = {0, 0, 0};
-            kernels::Rect ignored;
+            kernels::Rect box;
             for (const kernels::VoxelVolume& volume : known) {
-                kernels::project_volume(volume, models_[c], still, 1, mask.data(), ignored);
-                for (std::size_t k = 0; k < mask.size(); ++k) explained[c][k] |= mask[k];
+                kernels::project_volume(volume, models_[c], still, 1, mask.data(), box);
+                add_box(mask, cameras_[c].width, box, explained[c]);
             }
         });
         for (const Cells& person : people) {

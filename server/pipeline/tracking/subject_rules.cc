@@ -20,10 +20,6 @@ double distance_to_edge(Vec2 p, Vec2 a, Vec2 b) {
     return std::hypot(p.x - a.x - along * dx, p.y - a.y - along * dy);
 }
 
-bool has(std::span<const std::uint32_t> ids, std::uint32_t id) {
-    return std::ranges::find(ids, id) != ids.end();
-}
-
 double turn(Vec2 a, Vec2 b, Vec2 c) {
     return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
 }
@@ -98,7 +94,8 @@ void choose_followed(std::span<Person> people, const SubjectRules& rules, const 
     for (Person& person : people) {
         const bool before = person.followed == Followed::kYes;
         person.followed = Followed::kTooMany;
-        if (!requests.only.empty() ? !has(requests.only, person.id) : has(requests.ignored, person.id)) {
+        if (!requests.only.empty() ? !has_id(requests.only, person.id)
+                                   : has_id(requests.ignored, person.id)) {
             person.followed = Followed::kIgnored;
             continue;
         }

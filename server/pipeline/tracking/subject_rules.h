@@ -48,6 +48,10 @@ struct SubjectRequests {
     std::vector<std::uint32_t> ignored;  // not followed
 };
 
+inline bool has_id(std::span<const std::uint32_t> ids, std::uint32_t id) {
+    return std::ranges::find(ids, id) != ids.end();
+}
+
 enum class Followed : std::uint8_t {
     kYes,
     kOutside,  // of the capture region, or in a keep-out region

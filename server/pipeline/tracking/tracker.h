@@ -44,8 +44,10 @@ struct TrackerOptions {
     RayIntersectionOptions ray_intersection;
     CentreFilterOptions filter;
 
+    // Whether several may be followed, each with a body of its own; else all tracked ones are one person.
+    bool several_subjects() const { return max_subjects > 1; }
     // Whether SceneTracker (scene_tracker.h) replaces Tracker, because people are separated.
-    bool whole_scene() const { return max_subjects > 1 || rules != SubjectRules{}; }
+    bool whole_scene() const { return several_subjects() || rules != SubjectRules{}; }
     // Empty when usable, else one sentence.
     std::string check() const;
     bool operator==(const TrackerOptions&) const = default;
