@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "kernels/projection.h"
 #include "server/silhouettes/mask_box.h"
@@ -17,7 +18,7 @@ constexpr float kBeside_m = 0.2f;  // horizontal margin around the largest compo
 std::vector<char> components_of_subject(const kernels::Lattice& lattice, const std::vector<int>& component,
                                         int component_count, int largest) {
     const int nx = lattice.size[0], ny = lattice.size[1],
-              margin = static_cast<int>(kBeside_m / lattice.voxel_m + 0.5f);
+              margin = static_cast<int>(std::lround(kBeside_m / lattice.voxel_m));
     const std::size_t columns = static_cast<std::size_t>(nx) * ny;
     std::vector<char> footprint(columns, 0);
     for (std::size_t k = 0; k < component.size(); ++k) {

@@ -356,12 +356,12 @@ void SceneTracker::find_new(std::int64_t time_ns, const SilhouettesByCamera& sil
             if (subjects_.size() >= kMaxPeople) break;
             const int views = views_that_need(person, silhouettes, explained);
             if (views < kMinNewViews) continue;
-            Pending newcomer = continued(person);
+            const Pending newcomer = continued(person);
             std::optional<Recognition> known;
             if (decide(newcomer, first && views >= kManyNewViews, time_ns, known))
                 start(person, known, time_ns);
             else
-                still_pending_.push_back(std::move(newcomer));
+                still_pending_.push_back(newcomer);
         }
     }
     std::swap(pending_, still_pending_);
