@@ -189,7 +189,7 @@ absl::Status Runner::open_source() {
 }
 
 absl::Status Runner::learn_from_clip() {
-    const auto images = source()->background();
+    auto images = source()->background();
     if (!images.ok()) return images.status();
     const bool complete =
         !images->empty() && std::ranges::none_of(*images, [](const auto& camera) { return camera.empty(); });
