@@ -35,8 +35,9 @@ void project(const Volume& volume, const Camera& camera, cv::Mat& mask) {
         for (int z = 0; z < 8; z += kVoxelStep)
             for (int bit = 0; bit < 64; bit += kVoxelStep) {
                 if (!(brick.occupancy[z] >> bit & 1)) continue;
+                const int row = bit / 8;
                 const auto pixel = camera.project({o.x + edge * (8 * brick.x + bit % 8 + 0.5),
-                                                   o.y + edge * (8 * brick.y + bit / 8 + 0.5),
+                                                   o.y + edge * (8 * brick.y + row + 0.5),
                                                    o.z + edge * (8 * brick.z + z + 0.5)});
                 if (!pixel || !(std::abs(pixel->x) < 1e5) || !(std::abs(pixel->y) < 1e5)) continue;
                 const auto x = static_cast<int>(std::lround(pixel->x)),
