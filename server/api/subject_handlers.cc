@@ -25,7 +25,7 @@ v1::SubjectFollowing following_of(const KnownSubject& subject) {
 absl::StatusOr<std::shared_ptr<SubjectControl>> control_of(const ApiContext& api) {
     if (std::shared_ptr<SubjectControl> control = api.runner.subject_control()) return control;
     return absl::FailedPreconditionError(
-        "the daemon tracks one person only; set tracking.max_subjects above 1 in its configuration");
+        "the daemon has no pipeline; check its source and calibration (kinevox doctor)");
 }
 
 std::vector<std::uint32_t> ids_of(const google::protobuf::RepeatedField<std::uint32_t>& ids) {

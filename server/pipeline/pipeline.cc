@@ -19,7 +19,7 @@
 #include "server/pipeline/for_each_camera.h"
 #include "server/pipeline/pipeline_resources.h"
 #include "server/pipeline/tracking/cone_box.h"
-#include "server/pipeline/tracking/scene_tracker.h"
+#include "server/pipeline/tracking/subject_tracker.h"
 #include "server/pose/pose_stage.h"
 #include "server/silhouettes/mask_box.h"
 
@@ -97,14 +97,11 @@ class StagedPipeline final : public Pipeline {
           fps_(fps),
           options_(for_several(options)),
           device_(cameras_, options_),
-          tracker_(cameras_, fps, tracker_options(options)) {
+          control_(std::make_shared<SubjectControl>(options.tracker.max_subjects)),
+          tracker_(cameras_, fps, tracker_options(options), *control_) {
         for (const Camera& camera : cameras_) models_.push_back(to_kernel(camera));
         expected_.resize(cameras_.size());
         another_.resize(cameras_.size());
-        if (options.tracker.whole_scene()) {
-            control_ = std::make_shared<SubjectControl>(options.tracker.max_subjects);
-            scene_.emplace(cameras_, fps, tracker_options(options), control_.get());
-        }
         make_pose_lanes();
     }
 
@@ -113,7 +110,6 @@ class StagedPipeline final : public Pipeline {
     absl::StatusOr<FrameResultPtr> pose(std::unique_ptr<Reconstruction> reconstruction) override;
     void reset_track() override {
         tracker_.reset();
-        if (scene_) scene_->reset();
         shapes_.clear();
         track_forgotten_ = true;
     }
@@ -132,7 +128,6 @@ class StagedPipeline final : public Pipeline {
 
     absl::Status check_image(const Image& image, std::size_t camera) const;
     void make_pose_lanes();
-    std::vector<kernels::SegmentationPrior> predict(std::int64_t time_ns);
     kernels::SegmentationPrior expectation(std::size_t camera, const kernels::SegmentationPrior& tracked);
     void segment(FrameResult& result);
     void track(FrameResult& result);
@@ -157,9 +152,8 @@ class StagedPipeline final : public Pipeline {
 
     // Of the first half only.
     DeviceStages device_;
-    Tracker tracker_;
-    std::shared_ptr<SubjectControl> control_;  // null unless several subjects are followed
-    std::optional<SceneTracker> scene_;        // instead of the tracker where several subjects are followed
+    std::shared_ptr<SubjectControl> control_;
+    SubjectTracker tracker_;
     ResultPool results_;
     bool learned_ = false;
     bool track_forgotten_ = false;                     // since the last reconstruction
@@ -184,6 +178,7 @@ class StagedPipeline final : public Pipeline {
         std::int64_t last_time_ns = 0;
     };
     std::vector<PoseLane> pose_lanes_;  // empty without poses
+    std::int64_t last_posed_ns_ = 0;    // time of the frame set before
 };
 
 void StagedPipeline::make_pose_lanes() {
@@ -241,8 +236,7 @@ void StagedPipeline::set_cameras(std::vector<Camera> cameras) {
     cameras_ = std::move(cameras);
     for (std::size_t c = 0; c < cameras_.size(); ++c) models_[c] = to_kernel(cameras_[c]);
     device_.set_cameras(cameras_);
-    tracker_ = Tracker(cameras_, fps_, tracker_options(options_));
-    if (scene_) scene_.emplace(cameras_, fps_, tracker_options(options_), control_.get());
+    tracker_ = SubjectTracker(cameras_, fps_, tracker_options(options_), *control_);
     reset_track();
     for (PoseLane& lane : pose_lanes_) {
         const BodyShape body = lane.stage->body();
@@ -254,24 +248,12 @@ void StagedPipeline::set_cameras(std::vector<Camera> cameras) {
     }
 }
 
-// Also of the shapes' motion.
-std::vector<kernels::SegmentationPrior> StagedPipeline::predict(std::int64_t time_ns) {
-    if (!scene_) {
-        Vec3 motion;
-        std::vector<kernels::SegmentationPrior> priors = tracker_.predict(time_ns, &motion);
-        for (ExpectedShape& shape : shapes_) shape.motion = motion;
-        return priors;
-    }
-    std::vector<kernels::SegmentationPrior> priors = scene_->predict(time_ns);
-    for (ExpectedShape& shape : shapes_) shape.motion = scene_->motion(shape.subject_id);
-    return priors;
-}
-
 kernels::SegmentationPrior StagedPipeline::expectation(std::size_t camera,
                                                        const kernels::SegmentationPrior& tracked) {
     kernels::SegmentationPrior prior = tracked;
     if (shapes_.empty() || prior.region.empty()) return prior;
-    if (scene_ && prior.full_pass) return prior;  // newcomers are apart from the expected shapes
+    if (tracker_.separates() && prior.full_pass)
+        return prior;  // newcomers are apart from the expected shapes
     const Camera& c = cameras_[camera];
     // Limbs also move relative to the body; components need only touch the expected projection.
     const int dilate_px = std::max(1, c.height / kExpectedDilation);
@@ -293,7 +275,8 @@ kernels::SegmentationPrior StagedPipeline::expectation(std::size_t camera,
 }
 
 void StagedPipeline::segment(FrameResult& result) {
-    const auto priors = predict(result.capture_time_ns);
+    const auto priors = tracker_.predict(result.capture_time_ns);
+    for (ExpectedShape& shape : shapes_) shape.motion = tracker_.motion(shape.subject_id);
     result.silhouettes.resize(cameras_.size());
     seen_.assign(cameras_.size(), nullptr);
     std::vector<std::size_t> seeing;  // cameras with an image
@@ -330,18 +313,13 @@ void StagedPipeline::segment(FrameResult& result) {
 
 void StagedPipeline::track(FrameResult& result) {
     tracked_.clear();
-    if (scene_) {
-        images_.clear();
-        for (const Image& image : result.frame_set.images) images_.push_back(to_kernel(image));
-        SceneUpdate update = scene_->update(result.sequence, result.capture_time_ns, seen_, images_);
-        result.events = std::move(update.events);
-        tracked_ = std::move(update.subjects);
-        bystanders_ = std::move(update.bystanders);
-    } else {
-        TrackerUpdate update = tracker_.update(result.sequence, result.capture_time_ns, seen_);
-        result.events = std::move(update.events);
-        if (update.subject) tracked_.push_back({*update.subject, update.lattice, std::move(update.roles)});
-    }
+    images_.clear();
+    for (const Image& image : result.frame_set.images) images_.push_back(to_kernel(image));
+    SceneUpdate update = tracker_.update(result.sequence, result.capture_time_ns, seen_, images_);
+    result.events = std::move(update.events);
+    tracked_ = std::move(update.subjects);
+    bystanders_ = std::move(update.bystanders);
+    result.bystanders = static_cast<int>(bystanders_.size());
     for (const SceneSubject& tracked : tracked_) {
         SubjectResult& subject = result.subjects.emplace_back();
         subject.track = tracked.track;
@@ -359,7 +337,7 @@ void StagedPipeline::carve(const FrameResult& result, const SceneSubject& subjec
         if (subject.roles[c] != CameraRole::kInlier && subject.roles[c] != CameraRole::kTruncated) continue;
         const kernels::Silhouettes& s = result.silhouettes[c];
         // Of several subjects' silhouettes only what the lattice can project to is prepared.
-        const kernels::Rect bounds = scene_ ? cropped_to(s.bounds, cameras_[c], box) : s.bounds;
+        const kernels::Rect bounds = tracker_.separates() ? cropped_to(s.bounds, cameras_[c], box) : s.bounds;
         hull_views_.push_back({&models_[c], s.loose.data(), bounds});
         work.inlier_cameras.push_back(c);
     }
@@ -369,15 +347,16 @@ void StagedPipeline::carve(const FrameResult& result, const SceneSubject& subjec
 void StagedPipeline::carve_with(Stages& stages, const SceneSubject& subject, SubjectReconstruction& work) {
     const bool many = hull_views_.size() >= kernels::kManyCameras;
     (many ? stages.many_views_carver : stages.carver)->carve(hull_views_, *subject.lattice, work.volume);
-    if (scene_) scene_->restrict_to(subject.track.subject_id, work.volume);
+    tracker_.restrict_to(subject.track.subject_id, work.volume);
 }
 
 // Of the subjects that this frame set shows, from each other and from bystanders.
 void StagedPipeline::separate(Reconstruction& work) {
+    for (std::size_t n = 0; n < tracked_.size(); ++n) work.subjects[n].beside_others = false;
+    if (!tracker_.separates()) return;
     std::vector<const kernels::VoxelVolume*> shapes;
     std::vector<SubjectViews*> views;
     for (std::size_t n = 0; n < tracked_.size(); ++n) {
-        work.subjects[n].beside_others = false;
         if (!tracked_[n].lattice) continue;
         coarsen_by_four(work.subjects[n].volume, work.subjects[n].coarse);
         shapes.push_back(&work.subjects[n].coarse);
@@ -422,8 +401,9 @@ void StagedPipeline::finish_subject(const SceneSubject& tracked, SubjectReconstr
     static_assert(PoseStage::kCoarseFactor == 4);
     coarsen_by_four(work.volume, work.coarse);
     shapes_.push_back({tracked.track.subject_id, work.coarse, {}});
-    if (const auto centre = centre_of(work.volume); centre && !scene_)
-        tracker_.observe_volume(*centre, *bottom_of(work.volume));
+    if (!tracker_.separates())
+        if (const auto centre = centre_of(work.volume))
+            tracker_.observe_volume(*centre, *bottom_of(work.volume), work.coarse);
     subject.volume = std::make_shared<const Volume>(to_common(work.volume));
 }
 
@@ -437,7 +417,7 @@ void StagedPipeline::reconstruct_subjects(Reconstruction& work, LapTimer& timer)
         return;
     for (std::size_t n = 0; n < tracked_.size(); ++n)
         if (tracked_[n].lattice) carve(result, tracked_[n], work.subjects[n]);
-    if (scene_) separate(work);
+    separate(work);
     result.times.hull_ms = timer.lap_ms();
     for (std::size_t n = 0; n < tracked_.size(); ++n) {
         if (!tracked_[n].lattice) continue;
@@ -501,8 +481,9 @@ PoseStage& StagedPipeline::lane_of(const FrameResult& result, std::uint32_t subj
     const auto known = std::ranges::find(pose_lanes_, subject_id, &PoseLane::subject_id);
     if (known != pose_lanes_.end()) {
         const double absent_s = 1e-9 * static_cast<double>(result.capture_time_ns - known->last_time_ns);
+        const bool shown_before = known->last_time_ns == last_posed_ns_;
         known->last_time_ns = result.capture_time_ns;
-        if (scene_ && absent_s > options_.tracker.lost_after_s) known->stage->reset();
+        if (!shown_before && absent_s > options_.tracker.lost_after_s) known->stage->reset();
         return *known->stage;
     }
     PoseLane& lane = *std::ranges::find_if(pose_lanes_, [&](const PoseLane& each) {
@@ -568,6 +549,7 @@ absl::StatusOr<FrameResultPtr> StagedPipeline::pose(std::unique_ptr<Reconstructi
     if (!pose_lanes_.empty()) {
         LapTimer timer;
         if (absl::Status posed = pose_subjects(*work); !posed.ok()) return posed;
+        last_posed_ns_ = result->capture_time_ns;
         result->times.pose_ms = timer.lap_ms();
     }
     result->times.total_ms = to_ms(Clock::now() - work->arrived);

@@ -89,7 +89,7 @@ std::vector<double> bodies_of(const Room& room, const std::vector<std::uint8_t>&
 
 }  // namespace
 
-double measure_people(const Samples& seen, const std::vector<cv::Mat>& still) {
+void measure_people(const Samples& seen, const std::vector<cv::Mat>& still, Measurements& out) {
     const std::size_t camera_count = seen.cameras.size();
     const Room room = room_of(seen.cameras);
     std::vector<std::vector<std::int32_t>> pixels(camera_count);
@@ -97,7 +97,7 @@ double measure_people(const Samples& seen, const std::vector<cv::Mat>& still) {
                               [&](std::size_t c) { pixels[c] = pixels_of(room, seen.cameras[c]); });
     const int min_cameras = camera_count < 3 ? 2 : 3;
     const std::size_t step = std::max<std::size_t>(1, seen.samples.size() / kMaxFrameSets);
-    std::vector<char> several((seen.samples.size() + step - 1) / step, 0);
+    std::vector<char> several((seen.samples.size() + step - 1) / step, 0), merged = several;
     oneapi::tbb::parallel_for(std::size_t{0}, several.size(), [&](std::size_t n) {
         const Sample& sample = seen.samples[n * step];
         std::vector<cv::Mat> moving(camera_count);
@@ -119,9 +119,14 @@ double measure_people(const Samples& seen, const std::vector<cv::Mat>& still) {
         }
         const std::vector<double> bodies = bodies_of(room, occupied);
         several[n] = bodies.size() > 1 && bodies[1] >= kMinSecondFraction * bodies[0];
+        merged[n] = several[n] && !sample.has_bystanders;
     });
-    return static_cast<double>(std::count(several.begin(), several.end(), 1)) /
-           static_cast<double>(std::max<std::size_t>(1, several.size()));
+    const auto fraction = [](const std::vector<char>& flags) {
+        return static_cast<double>(std::ranges::count(flags, 1)) /
+               static_cast<double>(std::max<std::size_t>(1, flags.size()));
+    };
+    out.several_people_fraction = fraction(several);
+    out.merged_people_fraction = fraction(merged);
 }
 
 }  // namespace kinevox::quality

@@ -24,6 +24,7 @@ std::optional<double> lowest_foot(const BodyPose& pose) {
     return lowest;
 }
 
+constexpr double kMaxOthersFraction = 0.05;   // of the frame sets, with people who are left out
 constexpr std::size_t kBackgroundImages = 9;  // of which the median is taken
 
 cv::Mat reduced(const Image& image, int factor) {
@@ -143,6 +144,7 @@ void Observer::add(const FrameResult& result) {
         if (subject.volume) state.litres.push_back(volume_litres(*subject.volume));
     Sample& sample = state.seen.samples.emplace_back();
     sample.sequence = result.sequence;
+    sample.has_bystanders = result.bystanders > 0;
     sample.views.resize(state.factor.size());
     oneapi::tbb::parallel_for(std::size_t{0}, state.factor.size(), [&](std::size_t c) {
         const Image& image = result.frame_set.images[c];
@@ -189,7 +191,7 @@ Measurements Observer::measure_scene(SilhouetteSet& silhouettes) const {
         silhouettes = subject_silhouettes(seen, still);
         out.world = measure_world(seen, silhouettes);
     }
-    out.several_people_fraction = measure_people(seen, still);
+    measure_people(seen, still, out);
     measure_view(seen, silhouettes, out.cameras);
     out.rig = measure_rig(seen, silhouettes, out.cameras);
     if (!state.litres.empty()) out.world.volume_litres = quantile_or(state.litres, 0.5, 0);
@@ -198,7 +200,8 @@ Measurements Observer::measure_scene(SilhouetteSet& silhouettes) const {
     return out;
 }
 
-void Observer::measure_subject(const PosedSubject& posed, const SilhouetteSet& silhouettes,
+// `only`: the silhouettes are all of this subject.
+void Observer::measure_subject(const PosedSubject& posed, const SilhouetteSet& silhouettes, bool only,
                                Measurements& out) const {
     const State& state = *state_;
     out.subject_id = posed.id;
@@ -225,7 +228,7 @@ void Observer::measure_subject(const PosedSubject& posed, const SilhouetteSet& s
     if (!stds.empty()) out.pose.joint_std_m = quantile_or(stds, 0.5, 0);
     if (!lowest.empty()) out.pose.lowest_m = quantile_or(lowest, 0.5, 0);
     out.pose.contour_residual_m = quantile_or(residuals, 0.5, 0);
-    if (out.followed_subjects == 1 && !out.subjects_selected)
+    if (only)
         out.pose.posed_iou =
             measure_posed_iou(state.seen, silhouettes, posed.poses, *posed.body, out.cameras);
 }
@@ -234,7 +237,10 @@ std::vector<Measurements> Observer::measure(std::span<const PosedSubject> subjec
     SilhouetteSet silhouettes;
     Measurements scene = measure_scene(silhouettes);
     scene.subjects_selected = selected;
-    if (subjects.size() > 1 || selected) {
+    const bool others_left_out =
+        scene.several_people_fraction - scene.merged_people_fraction > kMaxOthersFraction;
+    const bool only = subjects.size() <= 1 && !selected && !others_left_out;
+    if (!only) {
         scene.followed_subjects = static_cast<int>(subjects.size());
         // These compare the silhouettes of all people with one body.
         scene.rig = {.side_px = scene.rig.side_px};
@@ -242,7 +248,7 @@ std::vector<Measurements> Observer::measure(std::span<const PosedSubject> subjec
     }
     std::vector<Measurements> all(std::max<std::size_t>(1, subjects.size()), scene);
     if (state_->seen.samples.empty()) return all;
-    for (std::size_t n = 0; n < subjects.size(); ++n) measure_subject(subjects[n], silhouettes, all[n]);
+    for (std::size_t n = 0; n < subjects.size(); ++n) measure_subject(subjects[n], silhouettes, only, all[n]);
     return all;
 }
 

@@ -51,15 +51,15 @@ class Observer {
     void add(const FrameResult& result);
     // Of each subject and the scene, which is measured once; without subjects one of the scene. Everything
     // but RigMeasurements::time, and of the body what is known only to the caller. With several subjects,
-    // or where rules select them (`selected`), what compares the silhouettes of all people with one body is
-    // absent.
+    // or where others are left out (`selected`: by rules), what compares the silhouettes of all people with
+    // one body is absent.
     std::vector<Measurements> measure(std::span<const PosedSubject> subjects, bool selected = false) const;
     // Sequence numbers below are not needed by measure() any more.
     std::uint64_t first_sequence() const;
 
   private:
     Measurements measure_scene(SilhouetteSet& silhouettes) const;
-    void measure_subject(const PosedSubject& posed, const SilhouetteSet& silhouettes,
+    void measure_subject(const PosedSubject& posed, const SilhouetteSet& silhouettes, bool only,
                          Measurements& out) const;
     struct State;
     std::unique_ptr<State> state_;

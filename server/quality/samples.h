@@ -22,7 +22,8 @@ struct View {
 
 struct Sample {
     std::uint64_t sequence = 0;
-    std::vector<View> views;  // per camera
+    std::vector<View> views;      // per camera
+    bool has_bystanders = false;  // who are told apart from the subjects
 };
 
 struct Samples {
@@ -39,7 +40,7 @@ void measure_ghosts(const Samples& seen, std::vector<CameraMeasurements>& out);
 // The subject's silhouettes: the foreground without the still one.
 SilhouetteSet subject_silhouettes(const Samples& seen, const std::vector<cv::Mat>& still);
 void measure_view(const Samples& seen, const SilhouetteSet& subject, std::vector<CameraMeasurements>& out);
-double measure_people(const Samples& seen, const std::vector<cv::Mat>& still);
+void measure_people(const Samples& seen, const std::vector<cv::Mat>& still, Measurements& out);
 RigMeasurements measure_rig(const Samples& seen, const SilhouetteSet& subject,
                             std::vector<CameraMeasurements>& out);
 WorldMeasurements measure_world(const Samples& seen, const SilhouetteSet& subject);

@@ -57,6 +57,7 @@ Json json_of(const Measurements& seen) {
                 {"subject_fraction", number(pose.subject_fraction)},
                 {"posed_fraction", number(pose.posed_fraction)},
                 {"several_people_fraction", number(seen.several_people_fraction)},
+                {"merged_people_fraction", number(seen.merged_people_fraction)},
                 {"followed_subjects", seen.followed_subjects},
                 {"stature_m", number(seen.body.stature_m)},
                 {"fitted_stature_m", number(seen.body.fitted_stature_m)},

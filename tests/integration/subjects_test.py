@@ -108,7 +108,14 @@ class Subjects(unittest.TestCase):
 
     def test_one_subject(self):
         self.start("max_subjects = 1\n")
-        self.assertIn("max_subjects", self.failed("subjects", "list"))
+        self.wait_for("followed")
+        self.done("subjects", "name", "1", "Anna")
+        self.done("subjects", "ignore", "1")
+        self.wait_for("ignored")
+        self.assertEqual(self.followed_in_status(), [])
+        self.done("subjects", "follow", "--all")
+        self.assertEqual(self.wait_for("followed")["name"], "Anna")
+        self.assertEqual([s["name"] for s in self.followed_in_status()], ["Anna"])
 
 
 if __name__ == "__main__":

@@ -197,6 +197,26 @@ std::vector<Cells> OccupiedCells::parts(std::uint8_t label) const {
     return found;
 }
 
+Cells OccupiedCells::cells_of(const kernels::VoxelVolume& volume) const {
+    Cells cells;
+    const auto voxel_m = static_cast<double>(volume.lattice.voxel_m);
+    const auto index = [&](int axis, int voxel) {
+        return index_along(axis, static_cast<double>(volume.lattice.origin[axis]) + voxel_m * (voxel + 0.5));
+    };
+    for (const kernels::Brick& brick : volume.bricks)
+        for (int layer = 0; layer < kEdge; ++layer)
+            for (std::uint64_t left = brick.occupancy[layer]; left != 0; left &= left - 1) {
+                const int bit = std::countr_zero(left);
+                const int x = index(0, kEdge * brick.x + bit % kEdge),
+                          y = index(1, kEdge * brick.y + bit / kEdge), z = index(2, kEdge * brick.z + layer);
+                if (x >= 0 && y >= 0 && z >= 0)
+                    cells.push_back((z * lattice_.size[1] + y) * lattice_.size[0] + x);
+            }
+    std::ranges::sort(cells);
+    cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
+    return cells;
+}
+
 CellStatistics OccupiedCells::statistics(const Cells& cells) const {
     CellStatistics out;
     if (cells.empty()) return out;

@@ -47,6 +47,9 @@ class OccupiedCells {
     // first.
     std::vector<Cells> parts(std::uint8_t label) const;
 
+    // The cells of the centres of a volume's voxels, in the order of their indices; those outside the lattice
+    // are left out.
+    Cells cells_of(const kernels::VoxelVolume& volume) const;
     CellStatistics statistics(const Cells& cells) const;
     kernels::VoxelVolume volume_of(const Cells& cells) const;
     std::array<int, 3> position(std::int32_t cell) const;

@@ -105,19 +105,24 @@ void SceneTracker::follow(std::uint64_t sequence, std::int64_t time_ns, SceneUpd
 // Reports who is there, and who may return.
 void SceneTracker::publish(std::int64_t time_ns) const {
     if (!control_) return;
-    std::vector<KnownSubject> known;
+    std::vector<KnownSubject> known = absent_subjects(time_ns);
     for (const Subject& subject : subjects_)
         known.push_back({subject.id, "", true, subject.followed, subject.shape.centre_in_world,
                          subject.shape.max_in_world.z, 0});
+    std::ranges::sort(known, {}, &KnownSubject::id);
+    control_->publish(std::move(known));
+}
+
+std::vector<KnownSubject> SceneTracker::absent_subjects(std::int64_t time_ns) const {
+    std::vector<KnownSubject> absent;
     for (const RememberedSubject& each : memory_.remembered()) {
         const double absent_s = 1e-9 * static_cast<double>(time_ns - each.last_seen_ns);
         if (absent_s <= options_.recognise_within_s &&
             std::ranges::find(subjects_, each.subject_id, &Subject::id) == subjects_.end())
-            known.push_back(
+            absent.push_back(
                 {each.subject_id, "", false, Followed::kTooMany, each.last_centre, each.height_m, absent_s});
     }
-    std::ranges::sort(known, {}, &KnownSubject::id);
-    control_->publish(std::move(known));
+    return absent;
 }
 
 }  // namespace kinevox

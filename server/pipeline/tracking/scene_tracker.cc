@@ -24,6 +24,7 @@ constexpr double kBeside_m = 0.2;     // between a subject's largest part and it
 
 constexpr double kMinPerson_litres = 20, kMinUprightTop_m = 1.0, kMaxUprightBottom_m = 0.5;
 constexpr double kMinLyingLength_m = 0.7;
+constexpr double kTall_m = 1.3;  // of most people who stand, and of little furniture
 constexpr double kMinSubject_litres = 8;
 constexpr double kMaxPassInterval_s = 0.15;  // of whole images, so that a newcomer is found soon
 constexpr std::size_t kMaxPeople = 32;       // tracked, followed or not
@@ -99,6 +100,38 @@ void SceneTracker::reset() {
     memory_.forget();
     if (control_) control_->forget();
     predictions_ = 0;
+}
+
+void SceneTracker::begin(std::uint32_t last_id) {
+    subjects_.clear();
+    last_id_ = std::max(last_id_, last_id);
+    predictions_ = 0;
+}
+
+void SceneTracker::take_over(const TrackedState& taken, const kernels::VoxelVolume& shape) {
+    Subject subject;
+    subject.id = taken.id;
+    subject.label = 1;
+    subject.filter = taken.filter;
+    subject.cells = grid_.cells_of(shape);
+    subject.shape = grid_.statistics(subject.cells);
+    subject.last_seen_ns = taken.last_measured_ns;
+    subject.seen = true;
+    subject.followed = Followed::kYes;
+    subject.found_as = "followed again at";
+    subjects_.push_back(std::move(subject));
+    last_time_ns_ = taken.time_ns;
+}
+
+std::optional<TrackedState> SceneTracker::only_subject() const {
+    if (subjects_.size() != 1) return std::nullopt;
+    const Subject& subject = subjects_.front();
+    if (!subject.seen || subject.followed != Followed::kYes) return std::nullopt;
+    return TrackedState{subject.id,
+                        subject.filter,
+                        {subject.shape.min_in_world, subject.shape.max_in_world},
+                        last_time_ns_,
+                        subject.last_seen_ns};
 }
 
 Vec3 SceneTracker::motion(std::uint32_t subject_id) const {
@@ -338,7 +371,10 @@ void SceneTracker::find_new(std::int64_t time_ns, const SilhouettesByCamera& sil
             if (may_start(share)) people.push_back(std::move(share));
     }
     if (!people.empty()) {
-        std::ranges::stable_sort(people, [](const Cells& a, const Cells& b) { return a.size() > b.size(); });
+        // The first gets the lowest id, and is followed first: rather a person than a chair.
+        std::ranges::stable_sort(people, std::ranges::greater{}, [&](const Cells& part) {
+            return std::pair(grid_.statistics(part).max_in_world.z >= kTall_m, part.size());
+        });
         std::vector<kernels::VoxelVolume> known;
         for (const Subject& subject : subjects_) known.push_back(grid_.volume_of(subject.cells));
         std::vector<std::vector<std::uint8_t>> explained(cameras_.size());

@@ -26,6 +26,7 @@
 namespace kinevox {
 
 class SubjectControl;
+struct KnownSubject;
 
 // One of several tracked subjects after a frame set.
 struct SceneSubject {
@@ -68,6 +69,19 @@ class SceneTracker {
     void restrict_to(std::uint32_t subject_id, kernels::VoxelVolume& volume) const;
 
     void reset();
+
+    // Starts without people; new ones have ids above `last_id`. Those remembered stay so.
+    void begin(std::uint32_t last_id);
+    // Goes on with a followed subject, without an event. `shape`: as it was last seen.
+    void take_over(const TrackedState& subject, const kernels::VoxelVolume& shape);
+    std::uint32_t last_id() const { return last_id_; }
+    // Number of people tracked, followed or not, and of those who may be.
+    std::size_t people() const { return subjects_.size(); }
+    std::size_t newcomers() const { return pending_.size(); }
+    // Of the only person tracked, if followed and in the last frame set.
+    std::optional<TrackedState> only_subject() const;
+    // Those who left and would be recognised.
+    std::vector<KnownSubject> absent_subjects(std::int64_t time_ns) const;
 
   private:
     struct Subject {

@@ -46,6 +46,7 @@ struct SubjectRules {
 struct SubjectRequests {
     std::vector<std::uint32_t> only;     // only these are followed; empty: the rules decide
     std::vector<std::uint32_t> ignored;  // not followed
+    bool operator==(const SubjectRequests&) const = default;
 };
 
 inline bool has_id(std::span<const std::uint32_t> ids, std::uint32_t id) {

@@ -62,6 +62,29 @@ void Tracker::reset() {
     for (CameraState& state : camera_states_) state = {};
 }
 
+std::optional<TrackedState> Tracker::subject() const {
+    if (!tracking_) return std::nullopt;
+    return TrackedState{subject_id_, filter_, box_around(filter_.centre_in_world(), extent_, 0),
+                        last_time_ns_, last_measured_ns_};
+}
+
+void Tracker::take_over(const std::optional<TrackedState>& subject, std::uint32_t last_id) {
+    reset();
+    last_id_ = std::max(last_id_, last_id);
+    if (!subject) return;
+    tracking_ = true;
+    subject_id_ = subject->id;
+    filter_ = subject->filter;
+    const Vec3 centre = filter_.centre_in_world();
+    extent_ = down_to_floor(
+        {subject->box_in_world.min_in_world - centre, subject->box_in_world.max_in_world - centre}, centre);
+    last_time_ns_ = subject->time_ns;
+    last_measured_ns_ = subject->last_measured_ns;
+    predictions_ = 0;
+    shape_offset_ = {};
+    above_floor_ = false;
+}
+
 // Smaller blobs are no person: a thin one of 1/20 of the image height.
 std::int64_t Tracker::min_pixels(const Camera& camera) const {
     return std::max<std::int64_t>(16, std::int64_t{camera.height} * camera.height / 3000);
@@ -248,7 +271,7 @@ TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
         filter_.start(found->point_in_world, found->covariance_m2);
         tracking_ = true;
         predictions_ = 0;
-        ++subject_id_;
+        subject_id_ = ++last_id_;
         const Vec3 at = found->point_in_world;
         update.events.push_back({EventKind::kSubjectFound,
                                  sequence,

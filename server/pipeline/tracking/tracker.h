@@ -46,7 +46,7 @@ struct TrackerOptions {
 
     // Whether several may be followed, each with a body of its own; else all tracked ones are one person.
     bool several_subjects() const { return max_subjects > 1; }
-    // Whether SceneTracker (scene_tracker.h) replaces Tracker, because people are separated.
+    // Whether SceneTracker (scene_tracker.h) always replaces Tracker, since people are to be chosen among.
     bool whole_scene() const { return several_subjects() || rules != SubjectRules{}; }
     // Empty when usable, else one sentence.
     std::string check() const;
@@ -113,6 +113,15 @@ struct TrackerUpdate {
     std::vector<Event> events;
 };
 
+// What another tracker needs to go on with a subject.
+struct TrackedState {
+    std::uint32_t id = 0;
+    CentreFilter filter;
+    Box3 box_in_world;
+    std::int64_t time_ns = 0;           // of the filter's state
+    std::int64_t last_measured_ns = 0;  // the subject was seen
+};
+
 // Not thread safe.
 class Tracker {
   public:
@@ -134,6 +143,12 @@ class Tracker {
     bool tracking() const { return tracking_; }
     // Forgets the subject, without an event.
     void reset();
+
+    // Empty while no subject is tracked.
+    std::optional<TrackedState> subject() const;
+    // Goes on with a subject, if given, without an event; later ones have ids above `last_id`.
+    void take_over(const std::optional<TrackedState>& subject, std::uint32_t last_id);
+    std::uint32_t last_id() const { return last_id_; }
 
   private:
     struct CameraState {
@@ -164,7 +179,7 @@ class Tracker {
     CentreFilter filter_;
     bool tracking_ = false;
     int frames_seen_ = 0;  // consecutive, while a subject is not confirmed yet
-    std::uint32_t subject_id_ = 0;
+    std::uint32_t subject_id_ = 0, last_id_ = 0;
     std::int64_t last_time_ns_ = 0;  // of the filter's state
     std::int64_t last_measured_ns_ = 0;
     std::uint64_t predictions_ = 0;

@@ -31,10 +31,10 @@ class SubjectsApiTest : public ApiTest {
     }
 };
 
-TEST_F(ApiTest, SubjectsNeedSeveralTracked) {
+TEST_F(ApiTest, SubjectsNeedPipeline) {
     const auto listed = client_.list_subjects();
     EXPECT_EQ(listed.status().code(), absl::StatusCode::kFailedPrecondition);
-    EXPECT_THAT(std::string(listed.status().message()), HasSubstr("max_subjects"));
+    EXPECT_THAT(std::string(listed.status().message()), HasSubstr("no pipeline"));
     v1::SelectSubjectsRequest all;
     all.set_follow_all(true);
     EXPECT_EQ(client_.select_subjects("ann", all).code(), absl::StatusCode::kFailedPrecondition);

@@ -178,6 +178,14 @@ TEST(PeopleJudge, IgnoresAShortVisit) {
     EXPECT_EQ(cause_of(judge_people(seen)), "several_people");
 }
 
+TEST(PeopleJudge, DistrustsOnlyPeopleWhoAreNotToldApart) {
+    Measurements seen = good_session();
+    seen.several_people_fraction = 0.8;
+    EXPECT_EQ(judge_people(seen)->trust, Trust::kCaution);
+    seen.merged_people_fraction = 0.5;
+    EXPECT_EQ(judge_people(seen)->trust, Trust::kDoNotUse);
+}
+
 TEST(RigJudges, AskNothingWhileSilhouettesAreConsistent) {
     Measurements seen = good_session();
     seen.rig.moved = RigHypothesis{.camera = 1, .residual_px = 0.01};

@@ -1,0 +1,212 @@
+// One subject to follow, alone and beside others.
+#include "server/pipeline/tracking/subject_tracker.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "server/pipeline/subject_control.h"
+#include "server/pipeline/tracking/elsewhere.h"
+#include "tests/unit/pipeline/scene.h"
+
+namespace kinevox {
+namespace {
+
+using testing::body_at;
+using testing::camera_at;
+using testing::Ellipsoid;
+using testing::four_cameras;
+using ::testing::IsEmpty;
+using testing::silhouettes_of;
+using ::testing::SizeIs;
+
+constexpr double kSceneFps = 25;
+constexpr double kBodyCentre_m = 0.86;  // of a standing body
+
+std::vector<Ellipsoid> standing_at(Vec3 floor_point) {
+    return body_at({floor_point.x, floor_point.y, kBodyCentre_m});
+}
+
+// With voxels of 4 cm.
+kernels::VoxelVolume shape_of(const std::vector<Ellipsoid>& body) {
+    const Vec3 centre = body.front().centre;
+    kernels::VoxelVolume volume;
+    volume.lattice =
+        lattice_over({centre - Vec3{0.4, 0.4, 0.9}, centre + Vec3{0.4, 0.4, 0.9}}, 0.04, 3, centre);
+    constexpr int kEdge = kernels::kBrickEdge;
+    const kernels::Lattice& l = volume.lattice;
+    for (int bz = 0; bz < l.size[2] / kEdge; ++bz)
+        for (int by = 0; by < l.size[1] / kEdge; ++by)
+            for (int bx = 0; bx < l.size[0] / kEdge; ++bx) {
+                kernels::Brick brick;
+                brick.x = static_cast<std::int16_t>(bx), brick.y = static_cast<std::int16_t>(by),
+                brick.z = static_cast<std::int16_t>(bz);
+                const auto along = [&](int axis, int n) { return double(l.origin[axis]) + 0.04 * (n + 0.5); };
+                for (int z = 0; z < kEdge; ++z)
+                    for (int bit = 0; bit < kEdge * kEdge; ++bit) {
+                        const Vec3 p{along(0, kEdge * bx + bit % kEdge), along(1, kEdge * by + bit / kEdge),
+                                     along(2, kEdge * bz + z)};
+                        const bool inside = std::ranges::any_of(body, [&](const Ellipsoid& e) {
+                            const Vec3 d = p - e.centre;
+                            return std::pow(d.x / e.radii.x, 2) + std::pow(d.y / e.radii.y, 2) +
+                                       std::pow(d.z / e.radii.z, 2) <=
+                                   1;
+                        });
+                        if (inside) brick.occupancy[z] |= std::uint64_t{1} << bit;
+                    }
+                volume.bricks.push_back(brick);
+            }
+    return volume;
+}
+
+// Shows the tracker a scene frame by frame, and gives it the volume of the person nearest to its subject.
+class Room {
+  public:
+    // `seeing`: the cameras that make the silhouettes, if other ones than calibrated.
+    explicit Room(std::vector<Camera> seeing = four_cameras())
+        : seeing_(std::move(seeing)), control_(1), tracker_(four_cameras(), kSceneFps, {}, control_) {}
+
+    SceneUpdate show(const std::vector<Vec3>& floor_points) {
+        const auto time_ns = static_cast<std::int64_t>(std::llround(1e9 * frame_ / kSceneFps));
+        tracker_.predict(time_ns);
+        std::vector<Ellipsoid> all;
+        for (const Vec3& at : floor_points)
+            for (const Ellipsoid& part : standing_at(at)) all.push_back(part);
+        std::vector<kernels::Silhouettes> made;
+        for (const Camera& camera : seeing_) {
+            made.push_back(silhouettes_of(camera, all));
+            made.back().probability = made.back().sharp;
+        }
+        std::vector<const kernels::Silhouettes*> seen;
+        for (const auto& s : made) seen.push_back(&s);
+        SceneUpdate update = tracker_.update(static_cast<std::uint64_t>(frame_++), time_ns, seen, {});
+        for (const Event& event : update.events)
+            if (event.subject_id != 0) events_.push_back(event.message);
+        for (const SceneSubject& subject : update.subjects) {
+            const Vec3 centre = subject.track.centre_in_world;
+            const Vec3 nearest = *std::ranges::min_element(
+                floor_points, {}, [&](Vec3 at) { return std::hypot(at.x - centre.x, at.y - centre.y); });
+            if (subject.lattice) tracker_.observe_volume(centre, 0, shape_of(standing_at(nearest)));
+        }
+        return update;
+    }
+    const SubjectTracker& tracker() const { return tracker_; }
+    SubjectControl& control() { return control_; }
+    const std::vector<std::string>& events() const { return events_; }  // of subjects
+
+  private:
+    std::vector<Camera> seeing_;
+    SubjectControl control_;
+    SubjectTracker tracker_;
+    std::vector<std::string> events_;
+    int frame_ = 0;
+};
+
+// Of the centre of a hull that includes some of a person beside.
+constexpr double kMaxOffset_m = 0.18;
+
+void expect_at(const SceneUpdate& update, Vec3 floor_point, int frame) {
+    ASSERT_THAT(update.subjects, SizeIs(1)) << frame;
+    const SubjectTrack& track = update.subjects[0].track;
+    EXPECT_EQ(track.subject_id, 1u) << frame;
+    EXPECT_LT(std::hypot(track.centre_in_world.x - floor_point.x, track.centre_in_world.y - floor_point.y),
+              kMaxOffset_m)
+        << frame;
+}
+
+constexpr Vec3 kAthlete{0.4, 0.2, 0};
+
+TEST(SubjectTracker, TracksLonePersonAsSuch) {
+    Room room;
+    for (int n = 0; n < 40; ++n) {
+        expect_at(room.show({kAthlete}), kAthlete, n);
+        EXPECT_FALSE(room.tracker().separates()) << n;
+    }
+    EXPECT_THAT(room.control().list(), SizeIs(1));
+}
+
+// Who passes at half a metre is a bystander, and the subject keeps id and position.
+TEST(SubjectTracker, KeepsSubjectWhileAnotherPersonPasses) {
+    Room room;
+    for (int n = 0; n < 20; ++n) room.show({kAthlete});
+    bool separated = false;
+    std::size_t bystanders = 0;
+    for (int n = 0; n < 75; ++n) {
+        const SceneUpdate update = room.show({kAthlete, {kAthlete.x + 0.55, 2 - 4.0 * n / 75, 0}});
+        expect_at(update, kAthlete, n);
+        separated |= room.tracker().separates();
+        bystanders = std::max(bystanders, update.bystanders.size());
+    }
+    EXPECT_TRUE(separated);
+    EXPECT_EQ(bystanders, 1u);
+    EXPECT_THAT(room.control().list(), SizeIs(2));
+    for (int n = 0; n < 60; ++n) expect_at(room.show({kAthlete}), kAthlete, n);
+    EXPECT_FALSE(room.tracker().separates()) << "alone again";
+    EXPECT_THAT(room.events(), SizeIs(1)) << "found once";
+}
+
+TEST(SubjectTracker, FollowsOneOfTwoFromTheStart) {
+    Room room;
+    SceneUpdate update;
+    for (int n = 0; n < 10; ++n) {
+        update = room.show({kAthlete, {-0.5, -0.4, 0}});
+        ASSERT_THAT(update.subjects, SizeIs(1)) << n;
+    }
+    EXPECT_TRUE(room.tracker().separates());
+    EXPECT_THAT(update.bystanders, SizeIs(1));
+}
+
+TEST(SubjectTracker, ObeysRequestsAboutLonePerson) {
+    Room room;
+    for (int n = 0; n < 10; ++n) room.show({kAthlete});
+    ASSERT_TRUE(room.control().set_name(1, "Anna").ok());
+    EXPECT_EQ(room.show({kAthlete}).subjects[0].track.name, "Anna");
+    ASSERT_TRUE(room.control().ignore({1}).ok());
+    for (int n = 0; n < 40; ++n) EXPECT_THAT(room.show({kAthlete}).subjects, IsEmpty()) << n;
+    room.control().follow_all();
+    SceneUpdate update;
+    for (int n = 0; n < 60; ++n) update = room.show({kAthlete});
+    expect_at(update, kAthlete, 60);
+    EXPECT_EQ(update.subjects[0].track.name, "Anna");
+    EXPECT_FALSE(room.tracker().separates());
+}
+
+// Its silhouettes would carve the subject away.
+TEST(SubjectTracker, LeavesOutlierCameraOutBesideOthers) {
+    std::vector<Camera> seeing = four_cameras();
+    seeing[3] = camera_at("west", {-4, 4, 1.6}, {1.2, -0.8, 1});
+    Room room(seeing);
+    SceneUpdate update;
+    for (int n = 0; n < 60; ++n) update = room.show({kAthlete});
+    ASSERT_EQ(update.subjects[0].roles[3], CameraRole::kExcluded);
+    ASSERT_FALSE(room.tracker().separates());
+    for (int n = 0; n < 50; ++n) {
+        update = room.show({kAthlete, {-0.6, 0.9, 0}});
+        expect_at(update, kAthlete, n);
+    }
+    EXPECT_TRUE(room.tracker().separates());
+    EXPECT_TRUE(update.subjects[0].lattice.has_value());
+    EXPECT_EQ(update.subjects[0].roles[3], CameraRole::kExcluded);
+}
+
+TEST(PersonOutside, IsAsLargeAsAPerson) {
+    kernels::Silhouettes s;
+    s.width = 320, s.height = 240;
+    s.probability.assign(std::size_t{320} * 240, 0);
+    const auto fill = [&](const kernels::Rect& box) {
+        for (int y = box.y0; y < box.y1; ++y)
+            for (int x = box.x0; x < box.x1; ++x) s.probability[static_cast<std::size_t>(y) * 320 + x] = 200;
+    };
+    const kernels::Rect subject{100, 40, 160, 220};
+    fill({110, 50, 150, 210});
+    EXPECT_FALSE(shows_person_outside(s, subject));
+    fill({300, 100, 316, 110});
+    EXPECT_FALSE(shows_person_outside(s, subject)) << "too low";
+    fill({240, 80, 264, 150});
+    EXPECT_TRUE(shows_person_outside(s, subject));
+}
+
+}  // namespace
+}  // namespace kinevox
