@@ -50,7 +50,7 @@ struct FrameResult {
     FrameSet frame_set;                             // the images it was computed from
     std::vector<kernels::Silhouettes> silhouettes;  // per camera
     std::vector<SubjectResult> subjects;            // those tracked, in the order of their ids
-    int bystanders = 0;                             // people told apart from the subjects, not followed
+    int bystanders = 0;                             // people separated from the subjects, not followed
     std::vector<Event> events;
     StageTimes times;
 

@@ -16,7 +16,7 @@ constexpr double kMaxGhostFraction = 0.3, kSomeGhostFraction = 0.135;
 constexpr double kMinStillAreaRatio = 0.1;
 constexpr double kStillInBackground = 0.5;
 constexpr double kMinSeveralFraction = 0.3;
-constexpr double kMinMergedFraction = 0.1;  // of the frame sets, with people not told apart
+constexpr double kMinMergedFraction = 0.1;  // of the frame sets, with people not separated
 constexpr double kMaxTruncatedFraction = 0.5, kMinSeenFraction = 0.5;
 constexpr double kMinSubjectFraction = 0.3;
 
@@ -84,7 +84,7 @@ Judgement judge_people(const Measurements& seen) {
     return Cause{merged ? Trust::kDoNotUse : Trust::kCaution, "several_people", "",
                  fmt::format("several people are in the scene in {:.0f} % of the frame sets{}",
                              100 * seen.several_people_fraction,
-                             merged ? "" : "; one of them is followed, the others are left out"),
+                             merged ? "" : "; one of them is followed, the others are excluded"),
                  "follow each of them (tracking.max_subjects, kinevox process --max-subjects), or record "
                  "with one person in the cameras' common view"};
 }

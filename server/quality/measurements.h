@@ -89,7 +89,7 @@ struct Measurements {
     std::vector<CameraMeasurements> cameras;
     // Fraction of the frame sets with more than one separate body of a person's size.
     double several_people_fraction = 0;
-    double merged_people_fraction = 0;  // and none of them told apart from the subject
+    double merged_people_fraction = 0;  // and none of them separated from the subject
     int followed_subjects = 1;          // each with a pose of its own
     bool subjects_selected = false;     // by rules that exclude others
     std::uint32_t subject_id = 0;       // whose body and pose follow; 0: the only one's

@@ -24,7 +24,7 @@ std::optional<double> lowest_foot(const BodyPose& pose) {
     return lowest;
 }
 
-constexpr double kMaxOthersFraction = 0.05;   // of the frame sets, with people who are left out
+constexpr double kMaxOthersFraction = 0.05;   // of the frame sets, with people who are excluded
 constexpr std::size_t kBackgroundImages = 9;  // of which the median is taken
 
 cv::Mat reduced(const Image& image, int factor) {
@@ -237,9 +237,9 @@ std::vector<Measurements> Observer::measure(std::span<const PosedSubject> subjec
     SilhouetteSet silhouettes;
     Measurements scene = measure_scene(silhouettes);
     scene.subjects_selected = selected;
-    const bool others_left_out =
+    const bool others_excluded =
         scene.several_people_fraction - scene.merged_people_fraction > kMaxOthersFraction;
-    const bool only = subjects.size() <= 1 && !selected && !others_left_out;
+    const bool only = subjects.size() <= 1 && !selected && !others_excluded;
     if (!only) {
         scene.followed_subjects = static_cast<int>(subjects.size());
         // These compare the silhouettes of all people with one body.

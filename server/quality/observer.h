@@ -51,7 +51,7 @@ class Observer {
     void add(const FrameResult& result);
     // Of each subject and the scene, which is measured once; without subjects one of the scene. Everything
     // but RigMeasurements::time, and of the body what is known only to the caller. With several subjects,
-    // or where others are left out (`selected`: by rules), what compares the silhouettes of all people with
+    // or where others are excluded (`selected`: by rules), what compares the silhouettes of all people with
     // one body is absent.
     std::vector<Measurements> measure(std::span<const PosedSubject> subjects, bool selected = false) const;
     // Sequence numbers below are not needed by measure() any more.

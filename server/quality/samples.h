@@ -23,7 +23,7 @@ struct View {
 struct Sample {
     std::uint64_t sequence = 0;
     std::vector<View> views;      // per camera
-    bool has_bystanders = false;  // who are told apart from the subjects
+    bool has_bystanders = false;  // who are separated from the subjects
 };
 
 struct Samples {

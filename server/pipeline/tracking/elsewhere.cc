@@ -38,11 +38,11 @@ Blocks foreground_blocks(const kernels::Silhouettes& s, const kernels::Rect& sub
     return out;
 }
 
-// Takes the part around a block out of `blocks`; its number of blocks and of rows.
-struct Part {
+// Removes the part around a block from `blocks`; its number of blocks and of rows.
+struct Component {
     int blocks = 0, rows = 0;
 };
-Part take_part(Blocks& blocks, int first) {
+Component remove_component(Blocks& blocks, int first) {
     std::vector<int> part{first};
     blocks.set[first] = 0;
     int top = first / blocks.columns, bottom = top;
@@ -67,7 +67,7 @@ bool shows_person_outside(const kernels::Silhouettes& s, const kernels::Rect& su
     Blocks blocks = foreground_blocks(s, subject);
     for (int k = 0; k < static_cast<int>(blocks.set.size()); ++k) {
         if (!blocks.set[k]) continue;
-        const Part part = take_part(blocks, k);
+        const Component part = remove_component(blocks, k);
         if (part.rows * kBlock_px * kMinPersonHeight >= s.height &&
             std::int64_t{part.blocks} * kBlock_px * kBlock_px * kMinPersonArea >=
                 std::int64_t{s.height} * s.height)

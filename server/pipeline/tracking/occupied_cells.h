@@ -48,7 +48,7 @@ class OccupiedCells {
     std::vector<Cells> parts(std::uint8_t label) const;
 
     // The cells of the centres of a volume's voxels, in the order of their indices; those outside the lattice
-    // are left out.
+    // are omitted.
     Cells cells_of(const kernels::VoxelVolume& volume) const;
     CellStatistics statistics(const Cells& cells) const;
     kernels::VoxelVolume volume_of(const Cells& cells) const;

@@ -72,7 +72,7 @@ class SceneTracker {
 
     // Starts without people; new ones have ids above `last_id`. Those remembered stay so.
     void begin(std::uint32_t last_id);
-    // Goes on with a followed subject, without an event. `shape`: as it was last seen.
+    // Continues with a followed subject, without an event. `shape`: as it was last seen.
     void take_over(const TrackedState& subject, const kernels::VoxelVolume& shape);
     std::uint32_t last_id() const { return last_id_; }
     // Number of people tracked, followed or not, and of those who may be.

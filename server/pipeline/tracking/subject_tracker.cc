@@ -51,7 +51,7 @@ bool SubjectTracker::is_outlier(std::size_t camera) const {
     return since_ns != kNever && last_alone_ns_ - since_ns > nanoseconds(kOutlier_s);
 }
 
-// Whether nobody has to be chosen or separated as far as options and requests say.
+// Whether options and requests allow to track a lone person as such.
 bool SubjectTracker::may_be_alone() const {
     return !options_.whole_scene() && control_->requests() == SubjectRequests{};
 }
@@ -111,7 +111,7 @@ SceneUpdate SubjectTracker::update(std::uint64_t sequence, std::int64_t time_ns,
     return update;
 }
 
-// While nobody is tracked: whether several people are there, who are tracked from now on.
+// While no subject is tracked: whether several people are there, who are tracked from now on.
 bool SubjectTracker::update_first(std::uint64_t sequence, std::int64_t time_ns,
                                   const SilhouettesByCamera& silhouettes,
                                   std::span<const kernels::ImageView> images, SceneUpdate& update) {

@@ -113,7 +113,7 @@ struct TrackerUpdate {
     std::vector<Event> events;
 };
 
-// What another tracker needs to go on with a subject.
+// What another tracker needs to continue with a subject.
 struct TrackedState {
     std::uint32_t id = 0;
     CentreFilter filter;
@@ -146,7 +146,7 @@ class Tracker {
 
     // Empty while no subject is tracked.
     std::optional<TrackedState> subject() const;
-    // Goes on with a subject, if given, without an event; later ones have ids above `last_id`.
+    // Continues with a subject, if given, without an event; later ones have ids above `last_id`.
     void take_over(const std::optional<TrackedState>& subject, std::uint32_t last_id);
     std::uint32_t last_id() const { return last_id_; }
 

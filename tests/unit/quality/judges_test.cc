@@ -178,7 +178,7 @@ TEST(PeopleJudge, IgnoresAShortVisit) {
     EXPECT_EQ(cause_of(judge_people(seen)), "several_people");
 }
 
-TEST(PeopleJudge, DistrustsOnlyPeopleWhoAreNotToldApart) {
+TEST(PeopleJudge, DistrustsOnlyPeopleWhoAreNotSeparated) {
     Measurements seen = good_session();
     seen.several_people_fraction = 0.8;
     EXPECT_EQ(judge_people(seen)->trust, Trust::kCaution);
