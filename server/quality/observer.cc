@@ -200,6 +200,35 @@ Measurements Observer::measure_scene(SilhouetteSet& silhouettes) const {
     return out;
 }
 
+namespace {
+
+// Among other people silhouettes do not show whom the image border cuts; the subject's poses do.
+void measure_posed_view(const std::vector<Camera>& cameras, std::span<const PosedFrame> poses,
+                        std::vector<CameraMeasurements>& out) {
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+        int count = 0, present = 0, cut = 0;
+        for (const PosedFrame& frame : poses) {
+            if (!frame.pose) continue;
+            int inside = 0, outside = 0;
+            for (const JointEstimate& joint : frame.pose->joints) {
+                if (!joint.measured()) continue;
+                const auto pixel = cameras[c].project(joint.in_world);
+                const bool in_image = pixel && pixel->x >= 0 && pixel->y >= 0 &&
+                                      pixel->x < cameras[c].width && pixel->y < cameras[c].height;
+                ++(in_image ? inside : outside);
+            }
+            ++count;
+            present += inside > 0;
+            cut += inside > 0 && outside > 0;
+        }
+        if (count == 0) continue;
+        out[c].seen_fraction = static_cast<double>(present) / count;
+        out[c].truncated_fraction = static_cast<double>(cut) / count;
+    }
+}
+
+}  // namespace
+
 // `only`: the silhouettes are all of this subject.
 void Observer::measure_subject(const PosedSubject& posed, const SilhouetteSet& silhouettes, bool only,
                                Measurements& out) const {
@@ -231,6 +260,8 @@ void Observer::measure_subject(const PosedSubject& posed, const SilhouetteSet& s
     if (only)
         out.pose.posed_iou =
             measure_posed_iou(state.seen, silhouettes, posed.poses, *posed.body, out.cameras);
+    else
+        measure_posed_view(state.seen.cameras, posed.poses, out.cameras);
 }
 
 std::vector<Measurements> Observer::measure(std::span<const PosedSubject> subjects, bool selected) const {

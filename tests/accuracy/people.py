@@ -2,12 +2,13 @@
 """Several people in `kinevox process --max-subjects`: joints of each person, identities, people missing and invented.
 
 usage: people.py [--kinevox-process PROGRAM] [--session FILE | --scene NAME --kinevox-studio PROGRAM] [--results FOLDER] [--max-mm N] [--max-apart-mm N] [--max-silent N]
-                 [--max-swaps N] [--max-absent N] [-- OPTION ...]
+                 [--max-swaps N] [--max-absent N] [--followed NAME] [-- OPTION ...]
 
 --scene renders people/NAME.toml. A session's truth has joints_NAME.csv and masks_NAME_CAMERA.zip per person (default: shared/data/studio/pair). In each frame,
 subjects and people are paired with the smallest sum of distances of their trunks, at most 0.6 m each. Rows: mean joint error
 over all frames and over those in which the masks of the people touch in no camera (mm), silent errors as in rates.py, values
-within 1, 2 and 3 standard deviations, withheld joints; then identity swaps (a person's subject changes), and people missing and
+within 1, 2 and 3 standard deviations, withheld joints. --followed: the session again with one subject to follow, this person,
+whose row has the same bounds; then identity swaps (a person's subject changes), and people missing and
 invented for more than 0.3 s. --results keeps the results, and uses them again where they are there. Exit status 77 without the
 shared test data."""
 import argparse
@@ -62,7 +63,7 @@ def longest(flags):
 class People:
     """What one session's results show of its people."""
 
-    def __init__(self, session_file, results):
+    def __init__(self, session_file, results, only=None):
         session = Session(session_file)
         truth_folder = session.truth
         self.names = sorted(f.stem.split("_")[1] for f in truth_folder.glob("joints_*.csv"))
@@ -90,6 +91,11 @@ class People:
                 self.offset[n, person] = measured[rows[s]] - truth[n, person]
                 self.std[n, person] = std[rows[s]]
                 self.subject[n, person] = found["subject"][rows[s]]
+        if only:
+            column = [self.names.index(only)]
+            self.names = [only]
+            self.offset, self.std = self.offset[:, column], self.std[:, column]
+            self.subject, self.there = self.subject[:, column], self.there[:, column]
 
     def row(self, frames, person=slice(None)):
         there = self.there[frames, person]
@@ -128,6 +134,14 @@ def text(label, row):
     )
 
 
+def processed(arguments, results, max_subjects, options):
+    if not (results / "run.toml").exists():
+        program = arguments.kinevox_process or process_program()
+        most = ["--max-subjects", str(max_subjects)]
+        subprocess.run([program, arguments.session, "--out", results, "--quiet", *most, *options], check=True)
+    return results
+
+
 def main():
     argv = sys.argv[1:]
     options = argv[argv.index("--") + 1 :] if "--" in argv else []
@@ -137,6 +151,7 @@ def main():
     parser.add_argument("--scene", choices=sorted(f.stem for f in SCENES.glob("*.toml")))
     parser.add_argument("--kinevox-studio", type=Path)
     parser.add_argument("--results", type=Path)
+    parser.add_argument("--followed", metavar="NAME")
     for bound in ("mm", "apart-mm", "silent", "swaps", "absent"):
         parser.add_argument(f"--max-{bound}", type=float, default=np.inf)
     arguments = parser.parse_args(argv[: argv.index("--")] if "--" in argv else argv)
@@ -150,11 +165,10 @@ def main():
             scene = SCENES / f"{arguments.scene}.toml"
             subprocess.run([arguments.kinevox_studio, "--scene", scene, "--out", folder], check=True)
             arguments.session = folder / "session.toml"
-        if not (results / "run.toml").exists():
-            program = arguments.kinevox_process or process_program()
-            command = [program, arguments.session, "--out", results, "--quiet", "--max-subjects", "4", *options]
-            subprocess.run(command, check=True)
-        people = People(arguments.session, results)
+        people = People(arguments.session, processed(arguments, results, 4, options))
+        if arguments.followed:
+            followed = processed(arguments, results.with_name(results.name + "_followed"), 1, options)
+            one = People(arguments.session, followed, arguments.followed)
     every = np.ones(len(people.apart), bool)
     print(f"{'':14s}{'mean mm':>9s}{'silent %':>10s}{'1 std':>8s}{'2 std':>8s}{'3 std':>8s}{'none %':>9s}")
     for person, name in enumerate(people.names):
@@ -164,9 +178,21 @@ def main():
     print(text(f"apart ({people.apart.sum()})", apart))
     missing_s, invented_s = people.absent_s()
     print(f"identity swaps {people.swaps()}, missing {missing_s:.2f} s, invented {invented_s:.2f} s at a time")
+    checks = []
+    if arguments.followed:
+        alone = one.row(np.ones(len(one.apart), bool))
+        print(text(f"{arguments.followed} followed", alone))
+        print(f"identity swaps {one.swaps()}, missing {one.absent_s()[0]:.2f} s at a time")
+        checks = [
+            ("mean of the person followed, mm", alone["mean_mm"], arguments.max_mm),
+            ("silent errors of the person followed, %", alone["silent"], arguments.max_silent),
+            ("ids of the person followed", one.swaps(), arguments.max_swaps),
+            ("the person followed missing, s", one.absent_s()[0], arguments.max_absent),
+        ]
     failed = [
         line
         for line, value, bound in (
+            *checks,
             ("mean of all frames, mm", whole["mean_mm"], arguments.max_mm),
             ("mean of frames apart, mm", apart["mean_mm"] if people.apart.any() else 0, arguments.max_apart_mm),
             ("silent errors, %", whole["silent"], arguments.max_silent),
