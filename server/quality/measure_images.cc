@@ -2,6 +2,7 @@
 // empty, and silhouettes cut by the image border.
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 
 #include "server/quality/samples.h"
 
@@ -38,15 +39,24 @@ struct EdgeCount {
     }
 };
 
+cv::Rect widened(const cv::Rect& box, int by_px, const cv::Size& image) {
+    return cv::Rect(box.x - by_px, box.y - by_px, box.width + 2 * by_px, box.height + 2 * by_px) &
+           cv::Rect({0, 0}, image);
+}
+
 // Which of the two images has the edges along the contours of a mask, away from the image border.
-EdgeCount count_edges(const cv::Mat& mask, const cv::Mat& image_edges, const cv::Mat& background_edges) {
+EdgeCount count_edges(const cv::Mat& mask, const cv::Mat& grey, const cv::Mat& background_edges) {
     EdgeCount count;
+    constexpr int kMargin_px = 6;  // more than the filters are wide
+    const cv::Rect around = widened(cv::boundingRect(mask), kMargin_px, mask.size());
+    if (around.empty()) return count;
+    const cv::Mat image_edges = edges_of(grey(around));
     std::vector<std::vector<cv::Point>> contours;
-    cv::findContours(mask.clone(), contours, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);
+    cv::findContours(mask(around).clone(), contours, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE, around.tl());
     for (const auto& contour : contours)
         for (const cv::Point& p : contour) {
             if (p.x < 3 || p.y < 3 || p.x > mask.cols - 4 || p.y > mask.rows - 4) continue;
-            const float here = image_edges.at<float>(p), there = background_edges.at<float>(p);
+            const float here = image_edges.at<float>(p - around.tl()), there = background_edges.at<float>(p);
             if (std::max(here, there) < kMinEdge) continue;
             count.in_image += here > kEdgeRatio * there;
             count.in_background += there > kEdgeRatio * here;
@@ -84,29 +94,49 @@ cv::Mat median_image(const Samples& seen, std::size_t camera) {
     return out;
 }
 
-// Fraction of the frame sets in which the foreground component that holds `still` hardly exceeds it.
-double detached_fraction(const Samples& seen, std::size_t camera, const cv::Mat& still) {
-    const double pixels = cv::countNonZero(still);
-    int detached = 0, images = 0;
-    cv::Mat grown, labels;
-    cv::dilate(still, grown, cv::getStructuringElement(cv::MORPH_RECT, cv::Size(5, 5)));
+// The connected components of a foreground.
+struct Components {
+    cv::Mat labels;         // CV_32S; 0: background
+    std::vector<int> area;  // by label
+};
+
+// Of each frame set with an image.
+std::vector<Components> components_of(const Samples& seen, std::size_t camera) {
+    std::vector<Components> out;
     for (const Sample& sample : seen.samples) {
-        const View& view = sample.views[camera];
-        if (view.grey.empty()) continue;
-        ++images;
-        const int count = cv::connectedComponents(view.foreground, labels, 8, CV_32S);
-        std::vector<char> touches(count, 0);
+        if (sample.views[camera].grey.empty()) continue;
+        Components& one = out.emplace_back();
+        cv::Mat boxes, centres;
+        const int count = cv::connectedComponentsWithStats(sample.views[camera].foreground, one.labels, boxes,
+                                                           centres, 8, CV_32S);
+        for (int i = 0; i < count; ++i) one.area.push_back(boxes.at<int>(i, cv::CC_STAT_AREA));
+    }
+    return out;
+}
+
+// Fraction of the frame sets in which the foreground components that hold `still` hardly exceed it. `still`:
+// the part of the image from `corner` on, with a margin of 2 px around what is set.
+double detached_fraction(const std::vector<Components>& frame_sets, const cv::Mat& still, cv::Point corner) {
+    const double pixels = cv::countNonZero(still);
+    int detached = 0;
+    cv::Mat grown;
+    cv::dilate(still, grown, cv::getStructuringElement(cv::MORPH_RECT, cv::Size(5, 5)));
+    for (const Components& components : frame_sets) {
+        const cv::Mat labels = components.labels(cv::Rect(corner, still.size()));
+        std::vector<char> touches(components.area.size(), 0);
         for (int y = 0; y < labels.rows; ++y)
             for (int x = 0; x < labels.cols; ++x)
                 if (still.at<std::uint8_t>(y, x)) touches[labels.at<int>(y, x)] = 1;
+        touches[0] = 0;
         int attached = 0;
+        for (std::size_t i = 0; i < touches.size(); ++i)
+            if (touches[i]) attached += components.area[i];
         for (int y = 0; y < labels.rows; ++y)
             for (int x = 0; x < labels.cols; ++x)
-                attached += labels.at<int>(y, x) > 0 && touches[labels.at<int>(y, x)] &&
-                            !grown.at<std::uint8_t>(y, x);
+                attached -= grown.at<std::uint8_t>(y, x) && touches[labels.at<int>(y, x)];
         detached += attached < kAttachedAreaFraction * pixels;
     }
-    return images > 0 ? static_cast<double>(detached) / images : 0;
+    return frame_sets.empty() ? 0 : static_cast<double>(detached) / static_cast<double>(frame_sets.size());
 }
 
 double median_moving_pixels(const Samples& seen, std::size_t camera, const cv::Mat& still) {
@@ -144,8 +174,7 @@ void measure_ghosts(const Samples& seen, std::vector<CameraMeasurements>& out) {
         EdgeCount all;
         for (const Sample& sample : seen.samples) {
             if (sample.views[c].grey.empty()) continue;
-            const EdgeCount one =
-                count_edges(sample.views[c].foreground, edges_of(sample.views[c].grey), background);
+            const EdgeCount one = count_edges(sample.views[c].foreground, sample.views[c].grey, background);
             all.in_image += one.in_image, all.in_background += one.in_background;
         }
         out[c].ghost_contour_fraction = all.background_fraction();
@@ -162,17 +191,24 @@ std::vector<cv::Mat> measure_still(const Samples& seen, std::vector<CameraMeasur
         cv::Mat& still = masks.emplace_back(cv::Mat::zeros(often.size(), CV_8U));
         const int count = cv::connectedComponentsWithStats(often, labels, boxes, centres, 8, CV_32S);
         const cv::Mat seldom = frequency <= kMovingFraction;
+        std::optional<std::vector<Components>> components;
         for (int i = 1; i < count; ++i) {
             if (boxes.at<int>(i, cv::CC_STAT_AREA) < kMinStillPixels) continue;
-            const cv::Mat one = labels == i;
+            const int* const box = boxes.ptr<int>(i);
+            const cv::Rect around = widened({box[cv::CC_STAT_LEFT], box[cv::CC_STAT_TOP],
+                                             box[cv::CC_STAT_WIDTH], box[cv::CC_STAT_HEIGHT]},
+                                            kRing_px + 1, often.size());
+            const cv::Mat one = labels(around) == i;
             cv::Mat inner, outer;
             cv::dilate(one, inner, cv::getStructuringElement(cv::MORPH_RECT, cv::Size(3, 3)));
             cv::dilate(one, outer, ring_element);
             const cv::Mat ring = outer & ~inner;
-            const double sharp =
-                static_cast<double>(cv::countNonZero(ring & seldom)) / std::max(1, cv::countNonZero(ring));
-            if (sharp >= kMinSharpFraction && detached_fraction(seen, c, one) >= kMinDetachedFraction)
-                still |= one;
+            const double sharp = static_cast<double>(cv::countNonZero(ring & seldom(around))) /
+                                 std::max(1, cv::countNonZero(ring));
+            if (sharp < kMinSharpFraction) continue;
+            if (!components) components = components_of(seen, c);
+            if (detached_fraction(*components, one, around.tl()) >= kMinDetachedFraction)
+                still(around) |= one;
         }
         const double moving = median_moving_pixels(seen, c, still);
         const int pixels = cv::countNonZero(still);
@@ -182,8 +218,7 @@ std::vector<cv::Mat> measure_still(const Samples& seen, std::vector<CameraMeasur
         }
         out[c].still_area_ratio = pixels / moving;
         out[c].still_in_background_fraction =
-            count_edges(still, edges_of(median_image(seen, c)), edges_of(seen.background[c]))
-                .background_fraction();
+            count_edges(still, median_image(seen, c), edges_of(seen.background[c])).background_fraction();
         cv::dilate(still, still, cv::getStructuringElement(cv::MORPH_RECT, cv::Size(5, 5)));
     }
     return masks;

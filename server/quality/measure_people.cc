@@ -119,7 +119,7 @@ void measure_people(const Samples& seen, const std::vector<cv::Mat>& still, Meas
         }
         const std::vector<double> bodies = bodies_of(room, occupied);
         several[n] = bodies.size() > 1 && bodies[1] >= kMinSecondFraction * bodies[0];
-        merged[n] = several[n] && !sample.has_bystanders;
+        merged[n] = several[n] && !sample.are_separated;
     });
     const auto fraction = [](const std::vector<char>& flags) {
         return static_cast<double>(std::ranges::count(flags, 1)) /

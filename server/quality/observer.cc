@@ -101,6 +101,7 @@ struct Observer::State {
     std::vector<std::unique_ptr<kernels::Segmenter>> segmenters;
     Samples seen;
     std::vector<double> litres;  // of the tracked volumes
+    int max_followed = 0;        // subjects at once
     std::uint64_t frame_sets = 0, stride = 1;
     std::deque<char> tracked;  // per frame set; live: of the held ones
 };
@@ -138,13 +139,15 @@ Observer::~Observer() = default;
 void Observer::add(const FrameResult& result) {
     State& state = *state_;
     state.tracked.push_back(!result.subjects.empty());
+    state.max_followed = std::max(state.max_followed, static_cast<int>(result.subjects.size()));
     if (state.options.latest && state.tracked.size() > state.options.max_samples) state.tracked.pop_front();
     if (state.frame_sets++ % state.stride != 0) return;
     for (const SubjectResult& subject : result.subjects)
         if (subject.volume) state.litres.push_back(volume_litres(*subject.volume));
     Sample& sample = state.seen.samples.emplace_back();
     sample.sequence = result.sequence;
-    sample.has_bystanders = result.bystanders > 0;
+    const int people = static_cast<int>(result.subjects.size()) + result.bystanders;
+    sample.are_separated = people > 1;
     sample.views.resize(state.factor.size());
     oneapi::tbb::parallel_for(std::size_t{0}, state.factor.size(), [&](std::size_t c) {
         const Image& image = result.frame_set.images[c];
@@ -171,8 +174,9 @@ std::uint64_t Observer::first_sequence() const {
     return state_->seen.samples.empty() ? 0 : state_->seen.samples.front().sequence;
 }
 
-// `silhouettes` become those of the moving subjects.
-Measurements Observer::measure_scene(SilhouetteSet& silhouettes) const {
+// `silhouettes` become those of the moving subjects. `only`: they are of one person; cleared where the
+// tracker separated several. What compares them with one body or rig is measured only then.
+Measurements Observer::measure_scene(SilhouetteSet& silhouettes, bool& only) const {
     const State& state = *state_;
     const Samples& seen = state.seen;
     Measurements out;
@@ -193,7 +197,12 @@ Measurements Observer::measure_scene(SilhouetteSet& silhouettes) const {
     }
     measure_people(seen, still, out);
     measure_view(seen, silhouettes, out.cameras);
-    out.rig = measure_rig(seen, silhouettes, out.cameras);
+    only = only && out.several_people_fraction - out.merged_people_fraction <= kMaxOthersFraction;
+    if (only) {
+        out.rig = measure_rig(seen, silhouettes, out.cameras);
+    } else {
+        out.world.subject_height_m = out.world.max_height_m = out.world.lowest_m = std::nullopt;
+    }
     if (!state.litres.empty()) out.world.volume_litres = quantile_or(state.litres, 0.5, 0);
     const auto tracked = std::ranges::count(state.tracked, 1);
     out.pose.subject_fraction = static_cast<double>(tracked) / static_cast<double>(state.tracked.size());
@@ -266,17 +275,11 @@ void Observer::measure_subject(const PosedSubject& posed, const SilhouetteSet& s
 
 std::vector<Measurements> Observer::measure(std::span<const PosedSubject> subjects, bool selected) const {
     SilhouetteSet silhouettes;
-    Measurements scene = measure_scene(silhouettes);
+    bool only = subjects.size() <= 1 && !selected;
+    Measurements scene = measure_scene(silhouettes, only);
     scene.subjects_selected = selected;
-    const bool others_excluded =
-        scene.several_people_fraction - scene.merged_people_fraction > kMaxOthersFraction;
-    const bool only = subjects.size() <= 1 && !selected && !others_excluded;
-    if (!only) {
-        scene.followed_subjects = static_cast<int>(subjects.size());
-        // These compare the silhouettes of all people with one body.
-        scene.rig = {.side_px = scene.rig.side_px};
-        scene.world.subject_height_m = scene.world.max_height_m = scene.world.lowest_m = std::nullopt;
-    }
+    if (!only)
+        scene.followed_subjects = subjects.empty() ? state_->max_followed : static_cast<int>(subjects.size());
     std::vector<Measurements> all(std::max<std::size_t>(1, subjects.size()), scene);
     if (state_->seen.samples.empty()) return all;
     for (std::size_t n = 0; n < subjects.size(); ++n) measure_subject(subjects[n], silhouettes, only, all[n]);

@@ -22,8 +22,8 @@ struct View {
 
 struct Sample {
     std::uint64_t sequence = 0;
-    std::vector<View> views;      // per camera
-    bool has_bystanders = false;  // who are separated from the subjects
+    std::vector<View> views;     // per camera
+    bool are_separated = false;  // several people, from each other
 };
 
 struct Samples {
