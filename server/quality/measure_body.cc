@@ -76,4 +76,28 @@ std::optional<double> measure_posed_iou(const Samples& seen, const SilhouetteSet
     return mean / cameras;
 }
 
+void measure_posed_view(const std::vector<Camera>& cameras, std::span<const PosedFrame> poses,
+                        std::vector<CameraMeasurements>& out) {
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+        int count = 0, present = 0, cut = 0;
+        for (const PosedFrame& frame : poses) {
+            if (!frame.pose) continue;
+            int inside = 0, outside = 0;
+            for (const JointEstimate& joint : frame.pose->joints) {
+                if (!joint.measured()) continue;
+                const auto pixel = cameras[c].project(joint.in_world);
+                const bool in_image = pixel && pixel->x >= 0 && pixel->y >= 0 &&
+                                      pixel->x < cameras[c].width && pixel->y < cameras[c].height;
+                ++(in_image ? inside : outside);
+            }
+            ++count;
+            present += inside > 0;
+            cut += inside > 0 && outside > 0;
+        }
+        if (count == 0) continue;
+        out[c].seen_fraction = static_cast<double>(present) / count;
+        out[c].truncated_fraction = static_cast<double>(cut) / count;
+    }
+}
+
 }  // namespace kinevox::quality

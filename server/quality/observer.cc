@@ -174,9 +174,8 @@ std::uint64_t Observer::first_sequence() const {
     return state_->seen.samples.empty() ? 0 : state_->seen.samples.front().sequence;
 }
 
-// `silhouettes` become those of the moving subjects. `only`: they are of one person; cleared where the
-// tracker separated several. What compares them with one body or rig is measured only then.
-Measurements Observer::measure_scene(SilhouetteSet& silhouettes, bool& only) const {
+// All but the rig. `silhouettes` become those of the moving subjects.
+Measurements Observer::measure_scene(SilhouetteSet& silhouettes) const {
     const State& state = *state_;
     const Samples& seen = state.seen;
     Measurements out;
@@ -197,46 +196,11 @@ Measurements Observer::measure_scene(SilhouetteSet& silhouettes, bool& only) con
     }
     measure_people(seen, still, out);
     measure_view(seen, silhouettes, out.cameras);
-    only = only && out.several_people_fraction - out.merged_people_fraction <= kMaxOthersFraction;
-    if (only) {
-        out.rig = measure_rig(seen, silhouettes, out.cameras);
-    } else {
-        out.world.subject_height_m = out.world.max_height_m = out.world.lowest_m = std::nullopt;
-    }
     if (!state.litres.empty()) out.world.volume_litres = quantile_or(state.litres, 0.5, 0);
     const auto tracked = std::ranges::count(state.tracked, 1);
     out.pose.subject_fraction = static_cast<double>(tracked) / static_cast<double>(state.tracked.size());
     return out;
 }
-
-namespace {
-
-// Among other people silhouettes do not show whom the image border cuts; the subject's poses do.
-void measure_posed_view(const std::vector<Camera>& cameras, std::span<const PosedFrame> poses,
-                        std::vector<CameraMeasurements>& out) {
-    for (std::size_t c = 0; c < cameras.size(); ++c) {
-        int count = 0, present = 0, cut = 0;
-        for (const PosedFrame& frame : poses) {
-            if (!frame.pose) continue;
-            int inside = 0, outside = 0;
-            for (const JointEstimate& joint : frame.pose->joints) {
-                if (!joint.measured()) continue;
-                const auto pixel = cameras[c].project(joint.in_world);
-                const bool in_image = pixel && pixel->x >= 0 && pixel->y >= 0 &&
-                                      pixel->x < cameras[c].width && pixel->y < cameras[c].height;
-                ++(in_image ? inside : outside);
-            }
-            ++count;
-            present += inside > 0;
-            cut += inside > 0 && outside > 0;
-        }
-        if (count == 0) continue;
-        out[c].seen_fraction = static_cast<double>(present) / count;
-        out[c].truncated_fraction = static_cast<double>(cut) / count;
-    }
-}
-
-}  // namespace
 
 // `only`: the silhouettes are all of this subject.
 void Observer::measure_subject(const PosedSubject& posed, const SilhouetteSet& silhouettes, bool only,
@@ -275,11 +239,18 @@ void Observer::measure_subject(const PosedSubject& posed, const SilhouetteSet& s
 
 std::vector<Measurements> Observer::measure(std::span<const PosedSubject> subjects, bool selected) const {
     SilhouetteSet silhouettes;
-    bool only = subjects.size() <= 1 && !selected;
-    Measurements scene = measure_scene(silhouettes, only);
+    Measurements scene = measure_scene(silhouettes);
     scene.subjects_selected = selected;
-    if (!only)
+    const bool others_excluded =
+        scene.several_people_fraction - scene.merged_people_fraction > kMaxOthersFraction;
+    const bool only = subjects.size() <= 1 && !selected && !others_excluded;
+    if (only) {
+        if (!state_->seen.samples.empty()) scene.rig = measure_rig(state_->seen, silhouettes, scene.cameras);
+    } else {
         scene.followed_subjects = subjects.empty() ? state_->max_followed : static_cast<int>(subjects.size());
+        // These compare the silhouettes of all people with one body.
+        scene.world.subject_height_m = scene.world.max_height_m = scene.world.lowest_m = std::nullopt;
+    }
     std::vector<Measurements> all(std::max<std::size_t>(1, subjects.size()), scene);
     if (state_->seen.samples.empty()) return all;
     for (std::size_t n = 0; n < subjects.size(); ++n) measure_subject(subjects[n], silhouettes, only, all[n]);

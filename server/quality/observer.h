@@ -58,7 +58,7 @@ class Observer {
     std::uint64_t first_sequence() const;
 
   private:
-    Measurements measure_scene(SilhouetteSet& silhouettes, bool& only) const;
+    Measurements measure_scene(SilhouetteSet& silhouettes) const;
     void measure_subject(const PosedSubject& posed, const SilhouetteSet& silhouettes, bool only,
                          Measurements& out) const;
     struct State;

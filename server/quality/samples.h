@@ -49,6 +49,11 @@ std::optional<double> measure_posed_iou(const Samples& seen, const SilhouetteSet
                                         std::span<const PosedFrame> poses, const BodyShape& body,
                                         std::vector<CameraMeasurements>& out);
 
+// As measure_view(), of a subject among other people: their silhouettes do not show whom the image border
+// cuts.
+void measure_posed_view(const std::vector<Camera>& cameras, std::span<const PosedFrame> poses,
+                        std::vector<CameraMeasurements>& out);
+
 // Of values in any order, nearest rank; `otherwise` for none.
 double quantile_or(std::vector<double> values, double q, double otherwise);
 

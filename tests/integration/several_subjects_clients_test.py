@@ -12,8 +12,8 @@ import socket
 import subprocess
 import sys
 import tempfile
-import time
 import threading
+import time
 import unittest
 from pathlib import Path
 

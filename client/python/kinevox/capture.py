@@ -271,7 +271,7 @@ class Capture(Service):
         )
 
     def subjects(self) -> list[ListedSubject]:
-        """Everybody who is tracked, followed or not, by id. FailedPrecondition if the daemon follows one subject only."""
+        """Everybody who is tracked, followed or not, by id."""
         return self._runner.run(
             Call(
                 "CaptureService/ListSubjects",

@@ -107,13 +107,17 @@ std::uint8_t OccupiedCells::label_at(Vec3 p) const {
     return label_[(static_cast<std::size_t>(z) * lattice_.size[1] + y) * lattice_.size[0] + x];
 }
 
-void OccupiedCells::keep(std::uint8_t label, kernels::VoxelVolume& volume) const {
-    const double voxel_m = static_cast<double>(volume.lattice.voxel_m);
-    std::vector<int> cell[3];  // of each voxel along an axis
+std::array<std::vector<int>, 3> OccupiedCells::cells_along(const kernels::Lattice& other) const {
+    std::array<std::vector<int>, 3> cells;
     for (int axis = 0; axis < 3; ++axis)
-        for (int n = 0; n < volume.lattice.size[axis]; ++n)
-            cell[axis].push_back(
-                index_along(axis, static_cast<double>(volume.lattice.origin[axis]) + voxel_m * (n + 0.5)));
+        for (int n = 0; n < other.size[axis]; ++n)
+            cells[axis].push_back(index_along(axis, static_cast<double>(other.origin[axis]) +
+                                                        static_cast<double>(other.voxel_m) * (n + 0.5)));
+    return cells;
+}
+
+void OccupiedCells::keep(std::uint8_t label, kernels::VoxelVolume& volume) const {
+    const std::array<std::vector<int>, 3> cell = cells_along(volume.lattice);
     for (kernels::Brick& brick : volume.bricks) {
         const int *const xs = cell[0].data() + kEdge * brick.x, *const ys = cell[1].data() + kEdge * brick.y;
         for (int z = 0; z < kEdge; ++z) {
@@ -199,16 +203,13 @@ std::vector<Cells> OccupiedCells::parts(std::uint8_t label) const {
 
 Cells OccupiedCells::cells_of(const kernels::VoxelVolume& volume) const {
     Cells cells;
-    const auto voxel_m = static_cast<double>(volume.lattice.voxel_m);
-    const auto index = [&](int axis, int voxel) {
-        return index_along(axis, static_cast<double>(volume.lattice.origin[axis]) + voxel_m * (voxel + 0.5));
-    };
+    const std::array<std::vector<int>, 3> cell = cells_along(volume.lattice);
     for (const kernels::Brick& brick : volume.bricks)
         for (int layer = 0; layer < kEdge; ++layer)
             for (std::uint64_t left = brick.occupancy[layer]; left != 0; left &= left - 1) {
                 const int bit = std::countr_zero(left);
-                const int x = index(0, kEdge * brick.x + bit % kEdge),
-                          y = index(1, kEdge * brick.y + bit / kEdge), z = index(2, kEdge * brick.z + layer);
+                const int x = cell[0][kEdge * brick.x + bit % kEdge],
+                          y = cell[1][kEdge * brick.y + bit / kEdge], z = cell[2][kEdge * brick.z + layer];
                 if (x >= 0 && y >= 0 && z >= 0)
                     cells.push_back((z * lattice_.size[1] + y) * lattice_.size[0] + x);
             }

@@ -62,6 +62,8 @@ class OccupiedCells {
     template <class F>
     void for_each_neighbour(std::int32_t cell, F visit) const;
     int index_along(int axis, double in_world_m) const;  // -1 outside the lattice
+    // Along each axis, the cell of each voxel of another lattice, as index_along().
+    std::array<std::vector<int>, 3> cells_along(const kernels::Lattice& other) const;
 
     kernels::Lattice lattice_;
     std::vector<std::uint8_t> label_;

@@ -95,11 +95,10 @@ SceneTracker::SceneTracker(std::vector<Camera> cameras, double fps, const Tracke
 }
 
 void SceneTracker::reset() {
-    subjects_.clear();
+    begin(last_id_);
     pending_.clear();
     memory_.forget();
     if (control_) control_->forget();
-    predictions_ = 0;
 }
 
 void SceneTracker::begin(std::uint32_t last_id) {

@@ -100,29 +100,32 @@ Vec3 SubjectTracker::motion(std::uint32_t subject_id) const {
 SceneUpdate SubjectTracker::update(std::uint64_t sequence, std::int64_t time_ns,
                                    const SilhouettesByCamera& silhouettes,
                                    std::span<const kernels::ImageView> images) {
-    SceneUpdate update;
-    if (alone_ && !tracker_.tracking() && update_first(sequence, time_ns, silhouettes, images, update)) {
+    std::optional<SceneUpdate> update;
+    if (alone_ && !tracker_.tracking()) update = update_first(sequence, time_ns, silhouettes, images);
+    if (update)
         alone_ = false;
-    } else {
-        update = alone_ ? update_alone(sequence, time_ns, silhouettes)
-                        : update_scene(sequence, time_ns, silhouettes, images);
-    }
-    look_around(time_ns, silhouettes);
-    return update;
+    else if (alone_)
+        update = update_alone(sequence, time_ns, silhouettes);
+    else
+        update = update_scene(sequence, time_ns, silhouettes, images);
+    others_seen_ = !options_.whole_scene() && sees_others(time_ns, silhouettes);
+    if (others_seen_) last_others_ns_ = time_ns;
+    return *std::move(update);
 }
 
-// While no subject is tracked: whether several people are there, who are tracked from now on.
-bool SubjectTracker::update_first(std::uint64_t sequence, std::int64_t time_ns,
-                                  const SilhouettesByCamera& silhouettes,
-                                  std::span<const kernels::ImageView> images, SceneUpdate& update) {
+// While no subject is tracked: the several people that are there, who are tracked from now on; empty for one
+// or none.
+std::optional<SceneUpdate> SubjectTracker::update_first(std::uint64_t sequence, std::int64_t time_ns,
+                                                        const SilhouettesByCamera& silhouettes,
+                                                        std::span<const kernels::ImageView> images) {
     const auto showing =
         std::ranges::count_if(silhouettes, [](const auto* s) { return s && s->sharp_pixels > 0; });
-    if (showing < kMinCameras) return false;
+    if (showing < kMinCameras) return std::nullopt;
     scene_.begin(tracker_.last_id());
     scene_.predict(time_ns);
-    update = scene_.update(sequence, time_ns, silhouettes, images);
-    last_others_ns_ = time_ns;
-    return scene_.people() + scene_.newcomers() > 1;
+    SceneUpdate update = scene_.update(sequence, time_ns, silhouettes, images);
+    if (scene_.people() + scene_.newcomers() < 2) return std::nullopt;
+    return update;
 }
 
 SceneUpdate SubjectTracker::update_alone(std::uint64_t sequence, std::int64_t time_ns,
@@ -157,13 +160,12 @@ SceneUpdate SubjectTracker::update_scene(std::uint64_t sequence, std::int64_t ti
     return update;
 }
 
-// Where whole images were searched: do several cameras show a person beside the subject?
-void SubjectTracker::look_around(std::int64_t time_ns, const SilhouettesByCamera& silhouettes) {
-    if (options_.whole_scene()) return;
+// Whether others are tracked, or several cameras whose whole images were searched show a person beside the
+// subject.
+bool SubjectTracker::sees_others(std::int64_t time_ns, const SilhouettesByCamera& silhouettes) {
+    if (!alone_ && scene_.people() + scene_.newcomers() > 1) return true;
     const std::optional<TrackedState> subject = alone_ ? tracker_.subject() : scene_.only_subject();
-    others_seen_ = !alone_ && scene_.people() + scene_.newcomers() > 1;
-    if (others_seen_) last_others_ns_ = time_ns;
-    if (others_seen_ || !subject) return;
+    if (!subject) return false;
     const double margin = options_.region_margin_m;
     const Vec3 wide{margin, margin, margin};
     const double look_interval_s = std::max(options_.full_pass_interval_s, kMinLookInterval_s);
@@ -179,8 +181,7 @@ void SubjectTracker::look_around(std::int64_t time_ns, const SilhouettesByCamera
         }
         showing += last != 0 && time_ns - last <= nanoseconds(1.5 * look_interval_s);
     }
-    others_seen_ = showing >= kMinCameras;
-    if (others_seen_) last_others_ns_ = time_ns;
+    return showing >= kMinCameras;
 }
 
 void SubjectTracker::restrict_to(std::uint32_t subject_id, kernels::VoxelVolume& volume) const {

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -55,14 +56,15 @@ class SubjectTracker {
     bool may_be_alone() const;
     void separate();
     void follow_alone();
-    bool update_first(std::uint64_t sequence, std::int64_t time_ns, const SilhouettesByCamera& silhouettes,
-                      std::span<const kernels::ImageView> images, SceneUpdate& update);
+    std::optional<SceneUpdate> update_first(std::uint64_t sequence, std::int64_t time_ns,
+                                            const SilhouettesByCamera& silhouettes,
+                                            std::span<const kernels::ImageView> images);
     SceneUpdate update_alone(std::uint64_t sequence, std::int64_t time_ns,
                              const SilhouettesByCamera& silhouettes);
     SceneUpdate update_scene(std::uint64_t sequence, std::int64_t time_ns,
                              const SilhouettesByCamera& silhouettes,
                              std::span<const kernels::ImageView> images);
-    void look_around(std::int64_t time_ns, const SilhouettesByCamera& silhouettes);
+    bool sees_others(std::int64_t time_ns, const SilhouettesByCamera& silhouettes);
     void publish(const SceneUpdate& update) const;
 
     std::vector<Camera> cameras_;
@@ -71,7 +73,7 @@ class SubjectTracker {
     Tracker tracker_;
     SceneTracker scene_;
     bool alone_;                // Tracker tracks
-    bool others_seen_ = false;  // beside the subject, at the last look around
+    bool others_seen_ = false;  // beside the subject, in the last update
     std::int64_t last_others_ns_ = 0;
     std::int64_t last_alone_ns_ = 0;                  // time of the last frame set that Tracker tracked
     Vec3 motion_;                                     // of the lone subject

@@ -48,6 +48,18 @@ inline std::vector<Ellipsoid> body_at(Vec3 centre) {
             {centre - Vec3{0, 0, 0.62}, {0.1, 0.1, 0.23}}};
 }
 
+constexpr double kStandingCentre_m = 0.86;
+
+// A body on each point of the floor.
+inline std::vector<Ellipsoid> people_at(const std::vector<Vec3>& floor_points) {
+    std::vector<Ellipsoid> all;
+    for (const Vec3& p : floor_points) {
+        const auto body = body_at({p.x, p.y, kStandingCentre_m});
+        all.insert(all.end(), body.begin(), body.end());
+    }
+    return all;
+}
+
 inline bool hits(const Ray& ray, const Ellipsoid& e) {
     const Vec3 o = ray.origin_in_world - e.centre, d = ray.direction_in_world;
     const Vec3 os{o.x / e.radii.x, o.y / e.radii.y, o.z / e.radii.z};

@@ -22,25 +22,17 @@ using ::testing::ElementsAre;
 using testing::Ellipsoid;
 using testing::four_cameras;
 using ::testing::IsEmpty;
+using testing::kStandingCentre_m;
+using testing::people_at;
 using testing::silhouettes_of;
 using ::testing::SizeIs;
 
 constexpr double kPeopleFps = 30;
-constexpr double kCentre_m = 0.86;  // of a standing body
 
 TrackerOptions for_people(int max_subjects) {
     TrackerOptions options;
     options.max_subjects = max_subjects;
     return options;
-}
-
-std::vector<Ellipsoid> people_at(const std::vector<Vec3>& floor_points) {
-    std::vector<Ellipsoid> all;
-    for (const Vec3& p : floor_points) {
-        const auto body = body_at({p.x, p.y, kCentre_m});
-        all.insert(all.end(), body.begin(), body.end());
-    }
-    return all;
 }
 
 struct Dressed {
@@ -58,7 +50,7 @@ std::vector<std::uint8_t> image_of(const Camera& camera, std::vector<Dressed> pe
         return norm(a.at - camera.centre_in_world()) > norm(b.at - camera.centre_in_world());
     });
     for (const Dressed& person : people) {
-        const auto body = body_at({person.at.x, person.at.y, kCentre_m});
+        const auto body = body_at({person.at.x, person.at.y, kStandingCentre_m});
         for (std::size_t part = 0; part < body.size(); ++part) {
             const kernels::Silhouettes s = silhouettes_of(camera, {body[part]});
             const kernels::Colour colour = person.colour[part];
@@ -140,7 +132,7 @@ TEST(SceneTracker, FindsPeopleAtTheirPlaces) {
         EXPECT_NE(People::id_at(update, at), 0u);
     for (const SceneSubject& subject : update.subjects) {
         EXPECT_TRUE(subject.lattice.has_value());
-        EXPECT_NEAR(subject.track.centre_in_world.z, kCentre_m, 0.06);
+        EXPECT_NEAR(subject.track.centre_in_world.z, kStandingCentre_m, 0.06);
         EXPECT_THAT(subject.track.used_cameras, Each(true));
     }
 }

@@ -9,56 +9,37 @@
 
 #include "server/pipeline/subject_control.h"
 #include "server/pipeline/tracking/elsewhere.h"
+#include "server/pipeline/tracking/occupied_cells.h"
 #include "tests/unit/pipeline/scene.h"
 
 namespace kinevox {
 namespace {
 
-using testing::body_at;
 using testing::camera_at;
 using testing::Ellipsoid;
 using testing::four_cameras;
 using ::testing::IsEmpty;
+using testing::people_at;
 using testing::silhouettes_of;
 using ::testing::SizeIs;
 
 constexpr double kSceneFps = 25;
-constexpr double kBodyCentre_m = 0.86;  // of a standing body
-
-std::vector<Ellipsoid> standing_at(Vec3 floor_point) {
-    return body_at({floor_point.x, floor_point.y, kBodyCentre_m});
-}
-
 // With voxels of 4 cm.
 kernels::VoxelVolume shape_of(const std::vector<Ellipsoid>& body) {
     const Vec3 centre = body.front().centre;
-    kernels::VoxelVolume volume;
-    volume.lattice =
-        lattice_over({centre - Vec3{0.4, 0.4, 0.9}, centre + Vec3{0.4, 0.4, 0.9}}, 0.04, 3, centre);
-    constexpr int kEdge = kernels::kBrickEdge;
-    const kernels::Lattice& l = volume.lattice;
-    for (int bz = 0; bz < l.size[2] / kEdge; ++bz)
-        for (int by = 0; by < l.size[1] / kEdge; ++by)
-            for (int bx = 0; bx < l.size[0] / kEdge; ++bx) {
-                kernels::Brick brick;
-                brick.x = static_cast<std::int16_t>(bx), brick.y = static_cast<std::int16_t>(by),
-                brick.z = static_cast<std::int16_t>(bz);
-                const auto along = [&](int axis, int n) { return double(l.origin[axis]) + 0.04 * (n + 0.5); };
-                for (int z = 0; z < kEdge; ++z)
-                    for (int bit = 0; bit < kEdge * kEdge; ++bit) {
-                        const Vec3 p{along(0, kEdge * bx + bit % kEdge), along(1, kEdge * by + bit / kEdge),
-                                     along(2, kEdge * bz + z)};
-                        const bool inside = std::ranges::any_of(body, [&](const Ellipsoid& e) {
-                            const Vec3 d = p - e.centre;
-                            return std::pow(d.x / e.radii.x, 2) + std::pow(d.y / e.radii.y, 2) +
-                                       std::pow(d.z / e.radii.z, 2) <=
-                                   1;
-                        });
-                        if (inside) brick.occupancy[z] |= std::uint64_t{1} << bit;
-                    }
-                volume.bricks.push_back(brick);
-            }
-    return volume;
+    const OccupiedCells grid(
+        lattice_over({centre - Vec3{0.4, 0.4, 0.9}, centre + Vec3{0.4, 0.4, 0.9}}, 0.04, 3, centre));
+    const auto is_inside = [](Vec3 p, const Ellipsoid& e) {
+        const Vec3 d = p - e.centre;
+        return norm({d.x / e.radii.x, d.y / e.radii.y, d.z / e.radii.z}) <= 1;
+    };
+    Cells cells;
+    const auto& size = grid.lattice().size;
+    for (std::int32_t cell = 0; cell < size[0] * size[1] * size[2]; ++cell)
+        if (std::ranges::any_of(body,
+                                [&](const Ellipsoid& e) { return is_inside(grid.centre_in_world(cell), e); }))
+            cells.push_back(cell);
+    return grid.volume_of(cells);
 }
 
 // Shows the tracker a scene frame by frame, and gives it the volume of the person nearest to its subject.
@@ -71,12 +52,9 @@ class Room {
     SceneUpdate show(const std::vector<Vec3>& floor_points) {
         const auto time_ns = static_cast<std::int64_t>(std::llround(1e9 * frame_ / kSceneFps));
         tracker_.predict(time_ns);
-        std::vector<Ellipsoid> all;
-        for (const Vec3& at : floor_points)
-            for (const Ellipsoid& part : standing_at(at)) all.push_back(part);
         std::vector<kernels::Silhouettes> made;
         for (const Camera& camera : seeing_) {
-            made.push_back(silhouettes_of(camera, all));
+            made.push_back(silhouettes_of(camera, people_at(floor_points)));
             made.back().probability = made.back().sharp;
         }
         std::vector<const kernels::Silhouettes*> seen;
@@ -88,7 +66,7 @@ class Room {
             const Vec3 centre = subject.track.centre_in_world;
             const Vec3 nearest = *std::ranges::min_element(
                 floor_points, {}, [&](Vec3 at) { return std::hypot(at.x - centre.x, at.y - centre.y); });
-            if (subject.lattice) tracker_.observe_volume(centre, 0, shape_of(standing_at(nearest)));
+            if (subject.lattice) tracker_.observe_volume(centre, 0, shape_of(people_at({nearest})));
         }
         return update;
     }
