@@ -65,7 +65,9 @@ class LanedReplay final : public ReplaySource {
     void step(std::int64_t frames) override {
         change([&] {
             playing_ = false;
-            const std::int64_t from = target_.value_or(std::max<std::int64_t>(shown_, 0));
+            // Also from a target whose images are still being decoded, as when keys follow each other fast.
+            const std::int64_t from =
+                target_ ? *target_ : wanted_.value_or(std::max<std::int64_t>(shown_, 0));
             // Clamped before the addition: clients may ask for any number of frames.
             target_ = from + std::clamp<std::int64_t>(frames, -from, frames_ - 1 - from);
         });
@@ -127,6 +129,7 @@ class LanedReplay final : public ReplaySource {
     bool playing_, loop_, ended_ = false;
     double speed_;
     std::optional<std::int64_t> target_;  // to be shown as soon as possible
+    std::optional<std::int64_t> wanted_;  // a former target that is being decoded
     std::optional<Anchor> anchor_;        // time base of the playback; empty: set by the next frame
     std::int64_t at_ = 0;                 // frame after the one shown last
     std::int64_t shown_ = -1;
@@ -271,14 +274,13 @@ absl::StatusOr<FrameSet> LanedReplay::next() {
         for (std::size_t c = 0; c < lanes_.size(); ++c)
             lanes_[c].thread = std::thread([this, c] { decode(c); });
     }
-    std::optional<std::int64_t> wanted;  // a target that is being decoded
     for (;;) {
         if (stopped_) return absl::CancelledError("the replay was stopped");
         if (target_) {
-            wanted = std::exchange(target_, std::nullopt);
-            if (*wanted != at_ || shown_ < 0) begin_at(*wanted);
+            wanted_ = std::exchange(target_, std::nullopt);
+            if (*wanted_ != at_ || shown_ < 0) begin_at(*wanted_);
         }
-        if (!wanted) {
+        if (!wanted_) {
             if (playing_ && at_ >= frames_) {
                 if (loop_)
                     begin_at(0);
@@ -295,7 +297,7 @@ absl::StatusOr<FrameSet> LanedReplay::next() {
             continue;
         }
         const Clock::time_point now = Clock::now();
-        if (!wanted && anchor_) {
+        if (!wanted_ && anchor_) {
             skip_late(now);
             if (const auto when = due(at_); when > now) {
                 changed_.wait_until(lock, when);
@@ -304,6 +306,7 @@ absl::StatusOr<FrameSet> LanedReplay::next() {
         }
         if (!anchor_) anchor_ = Anchor{at_, now};
         auto set = take(at_);
+        wanted_.reset();
         if (set.ok() && at_ >= frames_ && !loop_ && playing_) playing_ = false, ended_ = true;
         return set;
     }

@@ -188,6 +188,26 @@ TEST_F(ReplaySourceTest, SeekWhilePlayingContinuesFromLatestTarget) {
     EXPECT_EQ(source->position().state, ReplayState::kPaused);
 }
 
+TEST_F(ReplaySourceTest, StepsFromTargetThatIsBeingDecoded) {
+    const auto source = open({.paused = true});
+    ASSERT_TRUE(source);
+    expect_shows(source->next(), 0);
+    for (int frame = 3; frame < kFrames - 1; frame += 5) {
+        SCOPED_TRACE(frame);
+        auto reader = std::async(std::launch::async, [&] { return source->next(); });
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));  // the reader waits
+        ASSERT_TRUE(source->seek(frame).ok());
+        std::this_thread::sleep_for(std::chrono::microseconds(100));  // it decodes the target
+        source->step(1);
+        const auto set = reader.get();
+        ASSERT_TRUE(set.ok()) << set.status();
+        if (set->recorded_frame == frame)
+            expect_shows(source->next(), frame + 1);  // the target was decoded before the step
+        else
+            expect_shows(set, frame + 1);
+    }
+}
+
 TEST_F(ReplaySourceTest, SeekKeepsOffsetCamerasAligned) {
     std::string session = fmt::format("fps = {}\ncalibration = \"calibration.toml\"\n", kFps);
     const std::tuple<const char*, const char*, int> begun[] = {
