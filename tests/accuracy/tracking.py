@@ -20,42 +20,26 @@ from pathlib import Path
 
 import numpy as np
 
-from session_data import Session, data_folder, mesh_centre, process_program, read_table
+from session_data import Session, carve, data_folder, mesh_centre, process_program, read_table
 
 SEQUENCES = ["walk", "gesture", "signal", "ring8", "sprint"]
 BOUND_M = 0.060
 VOXEL_M = 0.03
 
 
-def project(camera, points):
-    """camera.project(), faster without distortion: most of the script's time is spent here."""
-    if np.any(camera.distortion):
-        return camera.project(points)
-    rows = (camera.matrix @ np.column_stack([camera.rotation, camera.translation])).astype(np.float32)
-    u, v, w = rows[:, :3] @ points.T + rows[:, 3:]
-    w[w <= 0] = np.nan
-    return np.stack([u / w, v / w], 1)
-
-
 def hull_centres(session, rough):
     """Centres of the perfect masks' hulls, frame by frame; `rough` (n, 3) is the centre of the search (NaN: as before)."""
     half_size_m = np.array([1.1, 1.1, 1.3])
     axes = [np.arange(-r, r, VOXEL_M) for r in half_size_m]
-    box = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3).astype(np.float32)
+    box = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     centres, at = [], None
     for frame, masks in enumerate(zip(*(session.true_masks(c) for c in session.cameras))):
         if frame >= len(rough):
             break
         at = rough[frame] if np.isfinite(rough[frame]).all() else at
-        points = box + at.astype(np.float32)
-        views = np.zeros(len(points), int)
-        for camera, mask in zip(session.cameras, masks):
-            x, y = np.rint(project(camera, points)).T
-            seen = (x >= 0) & (y >= 0) & (x < camera.width) & (y < camera.height)
-            keep = ~seen  # a camera that cannot see a point does not vote
-            keep[seen] = mask[y[seen].astype(int), x[seen].astype(int)]
-            points, views = points[keep], views[keep] + seen[keep]
-        points = points[views >= len(session.cameras) - 1]  # with fewer views the hull is unbounded
+        points = box + at
+        kept, views = carve(session.cameras, masks, points)
+        points = points[kept[views >= len(session.cameras) - 1]]  # with fewer views the hull is unbounded
         centres.append(points.mean(0) if len(points) else np.full(3, np.nan))
     return np.array(centres)
 

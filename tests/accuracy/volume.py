@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from session_data import Session, data_folder, process_program
+from session_data import Session, carve, data_folder, process_program
 
 MARGIN_M = 0.4  # around the mesh
 
@@ -31,9 +31,6 @@ class Grid:
         self.voxel_m = voxel_m
         self.first = np.floor(np.asarray(low_m) / voxel_m).astype(int)
         self.size = np.ceil(np.asarray(high_m) / voxel_m).astype(int) - self.first
-
-    def centres(self, indices_zyx):
-        return (np.asarray(indices_zyx)[:, ::-1] + self.first + 0.5) * self.voxel_m
 
 
 def voxelise(vertices, triangles, grid):
@@ -69,17 +66,14 @@ def voxelise(vertices, triangles, grid):
 
 def perfect_hull(cameras, masks, grid):
     """Voxels whose centre is in the true mask of every camera that sees it."""
-    indices = np.stack(np.unravel_index(np.arange(np.prod(grid.size)), grid.size[::-1]), 1)
-    for camera, mask in zip(cameras, masks):
-        pixels = np.floor(camera.project(grid.centres(indices)) + 0.5)
-        x, y = (np.nan_to_num(pixels[:, n], nan=-1).astype(int) for n in (0, 1))
-        seen = (x >= 0) & (y >= 0) & (x < camera.width) & (y < camera.height)
-        keep = ~seen
-        keep[seen] = mask[y[seen], x[seen]]
-        indices = indices[keep]
-    hull = np.zeros(grid.size[::-1], bool)
-    hull[tuple(indices.T)] = True
-    return hull
+    x, y, z = (voxels * grid.voxel_m for voxels in (np.arange(n) + 0.5 for n in grid.size))
+    corner = grid.first * grid.voxel_m
+    layer = np.stack([*(axis.ravel() for axis in np.meshgrid(x, y)), np.zeros(len(x) * len(y))], 1) + corner
+    hull = np.zeros((len(z), len(y) * len(x)), bool)
+    for k, height in enumerate(z):
+        inside, _ = carve(cameras, masks, layer + [0, 0, height])
+        hull[k, inside] = True
+    return hull.reshape(grid.size[::-1])
 
 
 def read_points(file):

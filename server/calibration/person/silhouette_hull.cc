@@ -77,8 +77,11 @@ SilhouetteField::SilhouetteField(const std::vector<std::uint8_t>& mask, int widt
     if (box.area() == 0) return;
     left = static_cast<float>(box.x), top = static_cast<float>(box.y);
     right = static_cast<float>(box.x + box.width), bottom = static_cast<float>(box.y + box.height);
-    cv::Mat inside, outside;
-    cv::distanceTransform(full, inside, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+    // Within the silhouette the nearest background pixel is at most one pixel outside its box.
+    const cv::Rect around =
+        cv::Rect(box.x - 1, box.y - 1, box.width + 2, box.height + 2) & cv::Rect({}, full.size());
+    cv::Mat inside = cv::Mat::zeros(full.size(), CV_32F), outside;
+    cv::distanceTransform(full(around), inside(around), cv::DIST_L2, cv::DIST_MASK_PRECISE);
     cv::distanceTransform(255 - full, outside, cv::DIST_L2, cv::DIST_MASK_PRECISE);
     columns_ = (width + step - 1) / step, rows_ = (height + step - 1) / step;
     cells_.resize(static_cast<std::size_t>(columns_) * rows_);
