@@ -11,8 +11,9 @@ namespace kinevox {
 namespace {
 
 constexpr double kMaxPendingJump_m = 0.4;
-constexpr double kMaxUndecided_s = 0.2;  // beyond confirm_frames, while a newcomer may be known
 constexpr double kRememberInterval_s = 0.2;
+constexpr double kLoneInterval_s = 1;          // of a lone subject, so that it costs no time
+constexpr std::size_t kFirstObservations = 8;  // of it, at the shorter interval
 constexpr double kApart_m = 0.2;  // between two subjects' boxes, if neither has cells of the other
 
 bool are_beside(const CellStatistics& a, const CellStatistics& b) {
@@ -49,7 +50,7 @@ bool SceneTracker::decide(const Pending& newcomer, bool certain, std::int64_t ti
             (views_.empty() || !memory_.has_strayed(subject.id, appearance_of(grid_, subject.cells, views_),
                                                     newcomer.appearance)))
             present.push_back(subject.id);
-    const std::int64_t since_ns = time_ns - static_cast<std::int64_t>(1e9 * options_.recognise_within_s);
+    const std::int64_t since_ns = remembered_since_ns(time_ns);
     if (views_.empty() || !memory_.knows_absent(present, since_ns)) return true;
     known = memory_.recognise(newcomer.appearance, newcomer.centre_in_world, time_ns, present, since_ns);
     if (!known || known->probability >= SubjectMemory::kMinProbability) return true;
@@ -59,11 +60,20 @@ bool SceneTracker::decide(const Pending& newcomer, bool certain, std::int64_t ti
     return true;
 }
 
+std::int64_t SceneTracker::remembered_since_ns(std::int64_t time_ns) const {
+    return time_ns - static_cast<std::int64_t>(1e9 * options_.recognise_within_s);
+}
+
+bool SceneTracker::is_remembering_due(std::int64_t time_ns, double interval_s) {
+    const double since_s = 1e-9 * static_cast<double>(time_ns - last_remembered_ns_);
+    if (views_.empty() || (since_s >= 0 && since_s < interval_s)) return false;
+    last_remembered_ns_ = time_ns;
+    return true;
+}
+
 // Colours and size of those who stand apart.
 void SceneTracker::remember(std::int64_t time_ns) {
-    const double since_s = 1e-9 * static_cast<double>(time_ns - last_remembered_ns_);
-    const bool due = !views_.empty() && !(since_s >= 0 && since_s < kRememberInterval_s);
-    if (due) last_remembered_ns_ = time_ns;
+    const bool due = is_remembering_due(time_ns, kRememberInterval_s);
     for (const Subject& subject : subjects_) {
         if (!subject.seen) continue;
         const bool apart = std::ranges::none_of(subjects_, [&](const Subject& other) {
@@ -73,6 +83,37 @@ void SceneTracker::remember(std::int64_t time_ns) {
             memory_.observe(subject.id, appearance_of(grid_, subject.cells, views_));
         memory_.place(subject.id, time_ns, subject.shape.centre_in_world);
     }
+}
+
+void SceneTracker::observe_lone(const TrackedState& subject, std::int64_t time_ns,
+                                const SilhouettesByCamera& silhouettes,
+                                std::span<const kernels::ImageView> images) {
+    subjects_.clear();
+    look_at(silhouettes, images);
+    const double interval_s =
+        memory_.observations(subject.id) < kFirstObservations ? kRememberInterval_s : kLoneInterval_s;
+    const double margin = options_.region_margin_m;
+    const Vec3 wide{margin, margin, margin};
+    const kernels::Lattice around =
+        grid_.part_over({subject.box_in_world.min_in_world - wide, subject.box_in_world.max_in_world + wide});
+    if (around.size[0] > 0 && around.size[1] > 0 && around.size[2] > 0 &&
+        is_remembering_due(time_ns, interval_s)) {
+        grid_.clear();
+        whole_images_ = false;
+        carve_in(around, silhouettes);
+        const std::vector<Cells> parts = grid_.parts(OccupiedCells::kFree);
+        if (!parts.empty() && is_upright(parts[0]))
+            memory_.observe(subject.id, appearance_of(grid_, parts[0], views_));
+    }
+    memory_.place(subject.id, time_ns, subject.filter.centre_in_world());
+}
+
+Newcomer SceneTracker::lone_newcomer(std::int64_t time_ns) const {
+    if (subjects_.size() == 1) return {subjects_[0].id, subjects_[0].found_as, false};
+    Newcomer unknown;
+    unknown.undecided =
+        !pending_.empty() && !views_.empty() && memory_.knows_absent({}, remembered_since_ns(time_ns));
+    return unknown;
 }
 
 // Decides who of those tracked is followed, and reports changes.
@@ -88,9 +129,9 @@ void SceneTracker::follow(std::uint64_t sequence, std::int64_t time_ns, SceneUpd
         Subject& subject = subjects_[n];
         const Followed before = std::exchange(subject.followed, people[n].followed);
         if (subject.followed == Followed::kYes && before != Followed::kYes) {
-            update.events.push_back(
-                event(EventKind::kSubjectFound, subject.found_as, subject, sequence, time_ns));
-            subject.found_as = "followed again at";
+            const std::string how = subject.followed_before ? "followed again" : subject.found_as;
+            update.events.push_back(event(EventKind::kSubjectFound, how + " at", subject, sequence, time_ns));
+            subject.followed_before = true;
         } else if (subject.followed != Followed::kYes && before == Followed::kYes) {
             const char* const reason = subject.followed == Followed::kOutside   ? "outside of the regions"
                                        : subject.followed == Followed::kIgnored ? "on request"

@@ -117,7 +117,7 @@ void SceneTracker::take_over(const TrackedState& taken, const kernels::VoxelVolu
     subject.last_seen_ns = taken.last_measured_ns;
     subject.seen = true;
     subject.followed = Followed::kYes;
-    subject.found_as = "followed again at";
+    subject.followed_before = true;
     subjects_.push_back(std::move(subject));
     last_time_ns_ = taken.time_ns;
 }
@@ -186,6 +186,13 @@ std::vector<kernels::SegmentationPrior> SceneTracker::predict(std::int64_t time_
         priors[c].region = region.empty() ? kernels::Rect{0, 0, 8, 8} : region;  // nearly nothing to search
     }
     return priors;
+}
+
+void SceneTracker::look_at(const SilhouettesByCamera& silhouettes,
+                           std::span<const kernels::ImageView> images) {
+    views_.clear();
+    for (std::size_t c = 0; c < images.size(); ++c)
+        views_.push_back({&cameras_[c], images[c], silhouettes[c]});
 }
 
 // Between whole images only around the subjects, where the segmentation searched.
@@ -355,8 +362,7 @@ void SceneTracker::start(const Cells& cells, const std::optional<Recognition>& k
     subject.seen = true;
     grid_.give(cells, {0, 0, 0}, subject.label);
     subject.found_as =
-        known ? fmt::format("recognised ({:.0f} % sure) at", std::floor(100 * known->probability))
-              : "found at";
+        known ? fmt::format("recognised ({:.0f} % sure)", std::floor(100 * known->probability)) : "found";
     subjects_.insert(std::ranges::upper_bound(subjects_, subject.id, {}, &Subject::id), std::move(subject));
 }
 
@@ -463,9 +469,7 @@ SceneUpdate SceneTracker::update(std::uint64_t sequence, std::int64_t time_ns,
                                  const SilhouettesByCamera& silhouettes,
                                  std::span<const kernels::ImageView> images) {
     SceneUpdate update;
-    views_.clear();
-    for (std::size_t c = 0; c < images.size(); ++c)
-        views_.push_back({&cameras_[c], images[c], silhouettes[c]});
+    look_at(silhouettes, images);
     carve(silhouettes);
     claim();
     measure(time_ns);

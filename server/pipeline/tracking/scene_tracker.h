@@ -80,6 +80,13 @@ class SceneTracker {
     std::size_t newcomers() const { return pending_.size(); }
     // Of the only person tracked, if followed and in the last frame set.
     std::optional<TrackedState> only_subject() const;
+    // While Tracker follows a lone subject: remembers who it is, several times per second. Without the images
+    // of outlier cameras.
+    void observe_lone(const TrackedState& subject, std::int64_t time_ns,
+                      const std::vector<const kernels::Silhouettes*>& silhouettes,
+                      std::span<const kernels::ImageView> images);
+    // Who the only person is that the last update found.
+    Newcomer lone_newcomer(std::int64_t time_ns) const;
     // Those who left and would be recognised.
     std::vector<KnownSubject> absent_subjects(std::int64_t time_ns) const;
 
@@ -94,7 +101,8 @@ class SceneTracker {
         std::int64_t last_seen_ns = 0;
         bool seen = false;  // in the last update
         Followed followed = Followed::kTooMany;
-        std::string found_as;  // of the event when it is followed
+        std::string found_as;          // in the event when it is followed
+        bool followed_before = false;  // and reported
     };
     struct Pending {  // may be a new subject
         Vec3 centre_in_world;
@@ -103,6 +111,9 @@ class SceneTracker {
     };
     using SilhouettesByCamera = std::vector<const kernels::Silhouettes*>;
 
+    void look_at(const SilhouettesByCamera& silhouettes, std::span<const kernels::ImageView> images);
+    bool is_remembering_due(std::int64_t time_ns, double interval_s);
+    std::int64_t remembered_since_ns(std::int64_t time_ns) const;
     void carve(const SilhouettesByCamera& silhouettes);
     void carve_in(const kernels::Lattice& lattice, const SilhouettesByCamera& silhouettes);
     void claim();

@@ -87,6 +87,11 @@ void SubjectMemory::place(std::uint32_t subject_id, std::int64_t time_ns, Vec3 c
     person->last_centre = centre_in_world;
 }
 
+std::size_t SubjectMemory::observations(std::uint32_t subject_id) const {
+    const auto person = std::ranges::find(people_, subject_id, &Person::id);
+    return person == people_.end() ? 0 : person->tops_m.size();
+}
+
 bool SubjectMemory::knows_absent(std::span<const std::uint32_t> present, std::int64_t since_ns) const {
     return std::ranges::any_of(people_, [&](const Person& person) {
         return person.tops_m.size() >= kMinObservations && person.last_seen_ns >= since_ns &&

@@ -35,6 +35,9 @@ class SubjectMemory {
     // Where a subject was seen last.
     void place(std::uint32_t subject_id, std::int64_t time_ns, Vec3 centre_in_world);
 
+    // Number of the latest observations that are kept of a subject.
+    std::size_t observations(std::uint32_t subject_id) const;
+
     // Whether any person but `present` is remembered who was seen after this time.
     bool knows_absent(std::span<const std::uint32_t> present, std::int64_t since_ns) const;
     // Who of those remembered since then, but not `present`, appears here. Empty without any candidate.

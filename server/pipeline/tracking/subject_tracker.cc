@@ -40,6 +40,7 @@ void SubjectTracker::reset() {
     scene_.reset();
     alone_ = !options_.whole_scene();
     others_seen_ = false;
+    newcomer_ = {};
     std::ranges::fill(person_outside_ns_, 0);
     std::ranges::fill(excluded_since_ns_, kNever);
     shape_.bricks.clear();
@@ -105,7 +106,7 @@ SceneUpdate SubjectTracker::update(std::uint64_t sequence, std::int64_t time_ns,
     if (update)
         alone_ = false;
     else if (alone_)
-        update = update_alone(sequence, time_ns, silhouettes);
+        update = update_alone(sequence, time_ns, silhouettes, images);
     else
         update = update_scene(sequence, time_ns, silhouettes, images);
     others_seen_ = !options_.whole_scene() && sees_others(time_ns, silhouettes);
@@ -118,19 +119,22 @@ SceneUpdate SubjectTracker::update(std::uint64_t sequence, std::int64_t time_ns,
 std::optional<SceneUpdate> SubjectTracker::update_first(std::uint64_t sequence, std::int64_t time_ns,
                                                         const SilhouettesByCamera& silhouettes,
                                                         std::span<const kernels::ImageView> images) {
+    newcomer_ = {};
     const auto showing =
         std::ranges::count_if(silhouettes, [](const auto* s) { return s && s->sharp_pixels > 0; });
     if (showing < kMinCameras) return std::nullopt;
     scene_.begin(tracker_.last_id());
     scene_.predict(time_ns);
     SceneUpdate update = scene_.update(sequence, time_ns, silhouettes, images);
-    if (scene_.people() + scene_.newcomers() < 2) return std::nullopt;
-    return update;
+    if (scene_.people() + scene_.newcomers() >= 2) return update;
+    newcomer_ = scene_.lone_newcomer(time_ns);
+    return std::nullopt;
 }
 
 SceneUpdate SubjectTracker::update_alone(std::uint64_t sequence, std::int64_t time_ns,
-                                         const SilhouettesByCamera& silhouettes) {
-    TrackerUpdate tracked = tracker_.update(sequence, time_ns, silhouettes);
+                                         const SilhouettesByCamera& silhouettes,
+                                         std::span<const kernels::ImageView> images) {
+    TrackerUpdate tracked = tracker_.update(sequence, time_ns, silhouettes, newcomer_);
     SceneUpdate update;
     update.events = std::move(tracked.events);
     for (std::size_t c = 0; c < cameras_.size(); ++c)
@@ -138,6 +142,12 @@ SceneUpdate SubjectTracker::update_alone(std::uint64_t sequence, std::int64_t ti
             excluded_since_ns_[c] = kNever;
         else if (excluded_since_ns_[c] == kNever)
             excluded_since_ns_[c] = time_ns;
+    if (tracked.lattice) {
+        SilhouettesByCamera used = silhouettes;
+        for (std::size_t c = 0; c < cameras_.size(); ++c)
+            if (tracked.roles[c] == CameraRole::kExcluded) used[c] = nullptr;
+        scene_.observe_lone(*tracker_.subject(), time_ns, used, images);
+    }
     if (tracked.subject) {
         tracked.subject->name = control_->name_of(tracked.subject->subject_id);
         update.subjects.push_back({*tracked.subject, tracked.lattice, std::move(tracked.roles)});

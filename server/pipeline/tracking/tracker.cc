@@ -236,7 +236,8 @@ void Tracker::handle_miss(std::uint64_t sequence, std::int64_t time_ns, TrackerU
 }
 
 TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
-                              const std::vector<const kernels::Silhouettes*>& silhouettes) {
+                              const std::vector<const kernels::Silhouettes*>& silhouettes,
+                              const Newcomer& newcomer) {
     TrackerUpdate update;
     update.roles.assign(cameras_.size(), CameraRole::kOutOfView);
     BlobsByCamera blobs(cameras_.size());
@@ -256,8 +257,9 @@ TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
         found = find_intersection(blobs, chosen);
     const bool seen = found && found->score >= options_.min_score;
     if (seen && !tracking_) ++frames_seen_;
-    if (!seen ||
-        (!tracking_ && found->score < options_.confirm_score && frames_seen_ < options_.confirm_frames)) {
+    const double undecided = newcomer.undecided ? kMaxUndecided_s * fps_ : 0;
+    const bool certain = found && found->score >= options_.confirm_score && undecided == 0;
+    if (!seen || (!tracking_ && !certain && frames_seen_ < options_.confirm_frames + undecided)) {
         if (!seen) handle_miss(sequence, time_ns, update);
         report_cameras(sequence, time_ns, update);
         return update;
@@ -271,15 +273,17 @@ TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
         filter_.start(found->point_in_world, found->covariance_m2);
         tracking_ = true;
         predictions_ = 0;
-        subject_id_ = ++last_id_;
+        subject_id_ = newcomer.id ? newcomer.id : last_id_ + 1;
+        last_id_ = std::max(last_id_, subject_id_);
         const Vec3 at = found->point_in_world;
-        update.events.push_back({EventKind::kSubjectFound,
-                                 sequence,
-                                 time_ns,
-                                 {},
-                                 fmt::format("subject {} found at ({:.2f}, {:.2f}, {:.2f}) m by {} cameras",
-                                             subject_id_, at.x, at.y, at.z, found->inlier_count),
-                                 subject_id_});
+        update.events.push_back(
+            {EventKind::kSubjectFound,
+             sequence,
+             time_ns,
+             {},
+             fmt::format("subject {} {} at ({:.2f}, {:.2f}, {:.2f}) m by {} cameras", subject_id_,
+                         newcomer.found_as, at.x, at.y, at.z, found->inlier_count),
+             subject_id_});
     } else {
         filter_.correct(found->point_in_world, found->covariance_m2);
     }

@@ -59,7 +59,7 @@ requires kernels::SameOptions<T, TrackerOptions>
 void visit_options(T& o, F&& f) {
     f({"max_subjects", 1, 16, "", "Maximum number of subjects followed at once."}, o.max_subjects);
     f({"recognise_within_s", 0, 86400, "s",
-       "Absence after which a returning person is a new subject, with several subjects; 0: always."},
+       "Absence after which a returning person is a new subject; 0: always."},
       o.recognise_within_s);
     f({"margin_m", 0, 1, "m", "Margin of the lattice around the subject."}, o.margin_m);
     f({"max_lattice_side_m", 0.5, 10, "m", "Maximum side of the lattice; a longer one is cropped."},
@@ -113,6 +113,16 @@ struct TrackerUpdate {
     std::vector<Event> events;
 };
 
+// Beyond the frame sets that confirm a subject, while it is undecided who it is.
+constexpr double kMaxUndecided_s = 0.2;
+
+// Who may be found while no subject is tracked.
+struct Newcomer {
+    std::uint32_t id = 0;            // a subject that returns; 0: a new one
+    std::string found_as = "found";  // in the event
+    bool undecided = false;          // who it is; it is found a little later
+};
+
 // What another tracker needs to continue with a subject.
 struct TrackedState {
     std::uint32_t id = 0;
@@ -134,7 +144,8 @@ class Tracker {
 
     // One entry per camera; null for a camera without an image. `time_ns` as given to predict().
     TrackerUpdate update(std::uint64_t sequence, std::int64_t time_ns,
-                         const std::vector<const kernels::Silhouettes*>& silhouettes);
+                         const std::vector<const kernels::Silhouettes*>& silhouettes,
+                         const Newcomer& newcomer = {});
 
     // The centre of gravity of the volume carved from the last update's lattice, and the height of its lowest
     // part.

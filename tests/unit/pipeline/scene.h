@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -108,5 +110,65 @@ inline kernels::Silhouettes silhouettes_of(const Camera& camera, const std::vect
     s.loose = s.probability = s.sharp;
     return s;
 }
+
+struct Dressed {
+    Vec3 at;                    // on the floor
+    kernels::Colour colour[3];  // trunk, head, legs, as body_at()
+};
+
+constexpr kernels::Colour kSkin{200, 160, 140}, kRedCloth{160, 30, 40}, kGreenCloth{40, 120, 60},
+    kBlueCloth{30, 40, 110};
+
+// B, G, R; the farthest person first, so that the nearest hides the others.
+inline std::vector<std::uint8_t> image_of(const Camera& camera, std::vector<Dressed> people) {
+    std::vector<std::uint8_t> image(std::size_t{3} * camera.width * camera.height, 128);
+    std::ranges::sort(people, [&](const Dressed& a, const Dressed& b) {
+        return norm(a.at - camera.centre_in_world()) > norm(b.at - camera.centre_in_world());
+    });
+    for (const Dressed& person : people) {
+        const auto body = body_at({person.at.x, person.at.y, kStandingCentre_m});
+        for (std::size_t part = 0; part < body.size(); ++part) {
+            const kernels::Silhouettes s = silhouettes_of(camera, {body[part]});
+            const kernels::Colour colour = person.colour[part];
+            for (std::size_t k = 0; k < s.sharp.size(); ++k)
+                if (s.sharp[k])
+                    image[3 * k] = colour.b, image[3 * k + 1] = colour.g, image[3 * k + 2] = colour.r;
+        }
+    }
+    return image;
+}
+
+inline Dressed red_at(Vec3 at) {
+    return {at, {kRedCloth, kSkin, kBlueCloth}};
+}
+inline Dressed green_at(Vec3 at) {
+    return {at, {kGreenCloth, kSkin, kRedCloth}};
+}
+inline Dressed blue_at(Vec3 at) {
+    return {at, {kBlueCloth, kSkin, kGreenCloth}};
+}
+
+inline std::vector<Vec3> points_of(const std::vector<Dressed>& people) {
+    std::vector<Vec3> points;
+    for (const Dressed& person : people) points.push_back(person.at);
+    return points;
+}
+
+// Images of a scene, one per camera, and their pixels.
+class DressedImages {
+  public:
+    DressedImages(const std::vector<Camera>& cameras, const std::vector<Dressed>& people) {
+        for (const Camera& camera : cameras) {
+            pixels_.push_back(image_of(camera, people));
+            views_.push_back(
+                {pixels_.back().data(), camera.width, camera.height, 3, std::ptrdiff_t{3} * camera.width});
+        }
+    }
+    std::span<const kernels::ImageView> views() const { return views_; }
+
+  private:
+    std::vector<std::vector<std::uint8_t>> pixels_;
+    std::vector<kernels::ImageView> views_;
+};
 
 }  // namespace kinevox::testing

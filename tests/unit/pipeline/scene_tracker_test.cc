@@ -15,15 +15,21 @@
 namespace kinevox {
 namespace {
 
+using testing::blue_at;
 using testing::body_at;
 using testing::camera_at;
+using testing::Dressed;
+using testing::DressedImages;
 using ::testing::Each;
 using ::testing::ElementsAre;
 using testing::Ellipsoid;
 using testing::four_cameras;
+using testing::green_at;
 using ::testing::IsEmpty;
 using testing::kStandingCentre_m;
 using testing::people_at;
+using testing::points_of;
+using testing::red_at;
 using testing::silhouettes_of;
 using ::testing::SizeIs;
 
@@ -33,33 +39,6 @@ TrackerOptions for_people(int max_subjects) {
     TrackerOptions options;
     options.max_subjects = max_subjects;
     return options;
-}
-
-struct Dressed {
-    Vec3 at;                    // on the floor
-    kernels::Colour colour[3];  // trunk, head, legs, as body_at()
-};
-
-constexpr kernels::Colour kSkin{200, 160, 140}, kRedCloth{160, 30, 40}, kGreenCloth{40, 120, 60},
-    kBlueCloth{30, 40, 110};
-
-// B, G, R; the farthest person first, so that the nearest hides the others.
-std::vector<std::uint8_t> image_of(const Camera& camera, std::vector<Dressed> people) {
-    std::vector<std::uint8_t> image(std::size_t{3} * camera.width * camera.height, 128);
-    std::ranges::sort(people, [&](const Dressed& a, const Dressed& b) {
-        return norm(a.at - camera.centre_in_world()) > norm(b.at - camera.centre_in_world());
-    });
-    for (const Dressed& person : people) {
-        const auto body = body_at({person.at.x, person.at.y, kStandingCentre_m});
-        for (std::size_t part = 0; part < body.size(); ++part) {
-            const kernels::Silhouettes s = silhouettes_of(camera, {body[part]});
-            const kernels::Colour colour = person.colour[part];
-            for (std::size_t k = 0; k < s.sharp.size(); ++k)
-                if (s.sharp[k])
-                    image[3 * k] = colour.b, image[3 * k + 1] = colour.g, image[3 * k + 2] = colour.r;
-        }
-    }
-    return image;
 }
 
 // Gives a tracker the silhouettes of a scene frame by frame.
@@ -86,21 +65,12 @@ class People {
         const auto time_ns = static_cast<std::int64_t>(std::llround(1e9 * frame_ / kPeopleFps));
         tracker_.predict(time_ns);
         std::vector<kernels::Silhouettes> made;
-        std::vector<std::vector<std::uint8_t>> pixels;
-        std::vector<Vec3> floor_points;
-        for (const Dressed& person : people) floor_points.push_back(person.at);
-        for (const Camera& camera : cameras_) {
-            made.push_back(silhouettes_of(camera, people_at(floor_points)));
-            pixels.push_back(image_of(camera, people));
-        }
+        for (const Camera& camera : cameras_)
+            made.push_back(silhouettes_of(camera, people_at(points_of(people))));
         std::vector<const kernels::Silhouettes*> seen;
-        std::vector<kernels::ImageView> images;
-        for (std::size_t c = 0; c < cameras_.size(); ++c) {
-            seen.push_back(&made[c]);
-            images.push_back({pixels[c].data(), cameras_[c].width, cameras_[c].height, 3,
-                              std::ptrdiff_t{3} * cameras_[c].width});
-        }
-        return tracker_.update(static_cast<std::uint64_t>(frame_++), time_ns, seen, images);
+        for (const auto& s : made) seen.push_back(&s);
+        const DressedImages images(cameras_, people);
+        return tracker_.update(static_cast<std::uint64_t>(frame_++), time_ns, seen, images.views());
     }
     SubjectControl& control() { return control_; }
     // The id of the subject nearest to a point, at most 0.2 m away; 0: none.
@@ -190,16 +160,6 @@ TEST(SceneTracker, ReportsWhoEntersAndLeaves) {
     EXPECT_THAT(lost, ElementsAre(2u));
     ASSERT_THAT(update.subjects, SizeIs(1));
     EXPECT_EQ(update.subjects[0].track.subject_id, 1u);
-}
-
-Dressed red_at(Vec3 at) {
-    return {at, {kRedCloth, kSkin, kBlueCloth}};
-}
-Dressed green_at(Vec3 at) {
-    return {at, {kGreenCloth, kSkin, kRedCloth}};
-}
-Dressed blue_at(Vec3 at) {
-    return {at, {kBlueCloth, kSkin, kGreenCloth}};
 }
 
 // The events' texts of a kind.

@@ -15,11 +15,18 @@
 namespace kinevox {
 namespace {
 
+using testing::blue_at;
 using testing::camera_at;
+using ::testing::ContainsRegex;
+using testing::Dressed;
+using testing::DressedImages;
+using ::testing::ElementsAre;
 using testing::Ellipsoid;
 using testing::four_cameras;
+using testing::green_at;
 using ::testing::IsEmpty;
 using testing::people_at;
+using testing::points_of;
 using testing::silhouettes_of;
 using ::testing::SizeIs;
 
@@ -49,7 +56,10 @@ class Room {
     explicit Room(std::vector<Camera> seeing = four_cameras())
         : seeing_(std::move(seeing)), control_(1), tracker_(four_cameras(), kSceneFps, {}, control_) {}
 
-    SceneUpdate show(const std::vector<Vec3>& floor_points) {
+    SceneUpdate show_dressed(const std::vector<Dressed>& people) {
+        return show(points_of(people), DressedImages(seeing_, people).views());
+    }
+    SceneUpdate show(const std::vector<Vec3>& floor_points, std::span<const kernels::ImageView> images = {}) {
         const auto time_ns = static_cast<std::int64_t>(std::llround(1e9 * frame_ / kSceneFps));
         tracker_.predict(time_ns);
         std::vector<kernels::Silhouettes> made;
@@ -59,14 +69,15 @@ class Room {
         }
         std::vector<const kernels::Silhouettes*> seen;
         for (const auto& s : made) seen.push_back(&s);
-        SceneUpdate update = tracker_.update(static_cast<std::uint64_t>(frame_++), time_ns, seen, {});
+        SceneUpdate update = tracker_.update(static_cast<std::uint64_t>(frame_++), time_ns, seen, images);
         for (const Event& event : update.events)
             if (event.subject_id != 0) events_.push_back(event.message);
         for (const SceneSubject& subject : update.subjects) {
+            if (!subject.lattice) continue;
             const Vec3 centre = subject.track.centre_in_world;
             const Vec3 nearest = *std::ranges::min_element(
                 floor_points, {}, [&](Vec3 at) { return std::hypot(at.x - centre.x, at.y - centre.y); });
-            if (subject.lattice) tracker_.observe_volume(centre, 0, shape_of(people_at({nearest})));
+            tracker_.observe_volume(centre, 0, shape_of(people_at({nearest})));
         }
         return update;
     }
@@ -167,6 +178,27 @@ TEST(SubjectTracker, LeavesOutlierCameraOutBesideOthers) {
     EXPECT_TRUE(room.tracker().separates());
     EXPECT_TRUE(update.subjects[0].lattice.has_value());
     EXPECT_EQ(update.subjects[0].roles[3], CameraRole::kExcluded);
+}
+
+TEST(SubjectTracker, GivesOldIdToLonePersonWhoReturns) {
+    Room room;
+    SceneUpdate update;
+    for (int n = 0; n < 30; ++n) update = room.show_dressed({green_at(kAthlete)});
+    expect_at(update, kAthlete, 30);
+    for (int n = 0; n < 30; ++n) room.show_dressed({});
+    const Vec3 stranger{-0.5, -0.4, 0}, returns{-0.6, 0.8, 0};
+    for (int n = 0; n < 30; ++n) update = room.show_dressed({blue_at(stranger)});
+    ASSERT_THAT(update.subjects, SizeIs(1));
+    EXPECT_EQ(update.subjects[0].track.subject_id, 2u);
+    for (int n = 0; n < 30; ++n) room.show_dressed({});
+    for (int n = 0; n < 30; ++n) update = room.show_dressed({green_at(returns)});
+    expect_at(update, returns, 150);
+    EXPECT_FALSE(room.tracker().separates());
+    EXPECT_THAT(room.control().list(), SizeIs(2)) << "the stranger would be recognised, too";
+    EXPECT_THAT(room.events(),
+                ElementsAre(ContainsRegex("subject 1 found at"), ContainsRegex("subject 1 lost"),
+                            ContainsRegex("subject 2 found at"), ContainsRegex("subject 2 lost"),
+                            ContainsRegex("subject 1 recognised \\(9[0-9] % sure\\) at")));
 }
 
 TEST(PersonOutside, IsAsLargeAsAPerson) {
