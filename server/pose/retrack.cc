@@ -8,6 +8,7 @@
 #include <limits>
 #include <utility>
 
+#include "server/pose/each_run.h"
 #include "server/pose/limb_search.h"
 #include "server/pose/pose_fitter.h"
 #include "server/pose/pose_path.h"
@@ -22,6 +23,10 @@ constexpr double kMinInterval_s = 1e-3;
 constexpr std::size_t kMaxCandidates = 8;
 constexpr double kSameJoints_m = 0.03;  // candidates with no joint farther apart are one
 constexpr double kHopeless = 80;        // a candidate that costs more than the cheapest by this is dropped
+
+constexpr double kPoor = 1.4;  // a path's cost that suggests a lost body, in medians
+// Of a path beside other people, whose silhouettes explain a limb anywhere: cost relative to the path so far.
+constexpr double kMuchBetter = 0.7;
 
 constexpr double kSameLimb_m = 0.08;    // limbs with no joint of joints_of() farther apart are one
 constexpr double kLimbGain = 10;        // minimum decrease of the path's cost per frame set by another limb
@@ -117,6 +122,39 @@ class Recording {
         });
         for (std::size_t n = 0; n < frames_.size(); ++n)
             for (const PathCandidate& c : found[n]) add(n, c);
+    }
+
+    // Where the path explains the silhouettes much worse than elsewhere, the passes lost the body: fits from
+    // the frame sets on either side on, each expected to continue the motion of the two before it.
+    void bridge() {
+        const double poor = kPoor * median_cost();
+        const auto is_poor = [&](std::size_t n) { return chosen(n) && chosen_cost(n) > poor; };
+        std::vector<std::array<std::size_t, 2>> runs;
+        each_run(frames_.size(), is_poor, [&](std::size_t first, std::size_t end) {
+            runs.push_back({first, end});
+        });
+        std::array<std::vector<std::vector<PathCandidate>>, 2> found;
+        for (auto& each : found) each.resize(runs.size());
+        oneapi::tbb::parallel_for(std::size_t{0}, runs.size(), [&](std::size_t k) {
+            const auto [first, end] = runs[k];
+            found[0][k] = continued(first, 1, end - first);
+            found[1][k] = continued(end - 1, -1, end - first);
+        });
+        for (std::size_t k = 0; k < runs.size(); ++k)
+            for (const bool backwards : {false, true}) {
+                const std::vector<PathCandidate>& chain = found[backwards][k];
+                const auto frame_of = [&](std::size_t n) {
+                    return backwards ? runs[k][1] - 1 - n : runs[k][0] + n;
+                };
+                double before = 0, after = 0;
+                bool among_others = false;
+                for (std::size_t n = 0; n < chain.size(); ++n) {
+                    before += chosen_cost(frame_of(n)), after += chain[n].cost;
+                    among_others |= shows_others(frame_of(n));
+                }
+                if (among_others && after > kMuchBetter * before) continue;
+                for (std::size_t n = 0; n < chain.size(); ++n) add(frame_of(n), chain[n]);
+            }
     }
 
     // Each search finds some of the limbs: a path for each limb through those of all candidates, the rest of
@@ -241,15 +279,55 @@ class Recording {
         if (n >= frames_.size() || choices_[n].candidate < 0) return nullptr;
         return &frames_[n].candidates[choices_[n].candidate].posture;
     }
+    bool shows_others(std::size_t n) const {
+        return std::ranges::any_of(recorded_[n].seen->views, [](const SilhouetteRays& view) {
+            return view.camera && view.distance.has_shared();
+        });
+    }
+    double chosen_cost(std::size_t n) const { return frames_[n].candidates[choices_[n].candidate].cost; }
+    double median_cost() const {
+        std::vector<double> costs;
+        for (std::size_t n = 0; n < frames_.size(); ++n)
+            if (chosen(n)) costs.push_back(chosen_cost(n));
+        if (costs.empty()) return 0;
+        const auto middle = costs.begin() + static_cast<std::ptrdiff_t>(costs.size() / 2);
+        std::nth_element(costs.begin(), middle, costs.end());
+        return *middle;
+    }
+    // Fits of `count` frame sets from `first` on, forwards (step 1) or backwards (-1), from the path before
+    // them; none at an end of the path.
+    std::vector<PathCandidate> continued(std::size_t first, std::ptrdiff_t step, std::size_t count) const {
+        std::vector<PathCandidate> fits;
+        const BodyPosture* const before = chosen(first - 2 * step);
+        const BodyPosture* const last = chosen(first - step);
+        if (!before || !last) return fits;
+        BodyPosture a = *before, b = *last;
+        PoseFitter fitter(options_.tracker.fit);
+        PoseCost cost(options_.tracker.fit.cost);
+        for (std::size_t k = 0, n = first; k < count; ++k, n += step) {
+            const double passed_s = std::abs(frames_[n - step].time_s - frames_[n - 2 * step].time_s);
+            const double ahead_s = std::abs(frames_[n].time_s - frames_[n - step].time_s);
+            const MotionPrior prior =
+                expected(between(a, b, 1 + ahead_s / passed_s), 0.5 * ahead_s * (passed_s + ahead_s));
+            const PoseFit fit = fitter.fit(model_, recorded_[n].seen->views, prior.expected, &prior, false);
+            fits.push_back(candidate(n, fit.posture, cost));
+            a = std::exchange(b, fit.posture);
+        }
+        return fits;
+    }
     double fraction(std::size_t n) const {
         return (frames_[n].time_s - frames_[n - 1].time_s) / (frames_[n + 1].time_s - frames_[n - 1].time_s);
     }
     MotionPrior expected_between(std::size_t n) const {
-        const PoseTrackerOptions& o = options_.tracker;
         const double half =
             0.5 * (frames_[n].time_s - frames_[n - 1].time_s) * (frames_[n + 1].time_s - frames_[n].time_s);
+        return expected(between(*path_[n - 1], *path_[n + 1], fraction(n)), half);
+    }
+    // `half`: by which accelerations move the body, s^2.
+    MotionPrior expected(const BodyPosture& posture, double half) const {
+        const PoseTrackerOptions& o = options_.tracker;
         MotionPrior prior;
-        prior.expected = between(*path_[n - 1], *path_[n + 1], fraction(n));
+        prior.expected = posture;
         for (int k = 0; k < kBodyDofCount; ++k)
             prior.std[k] = k < 3   ? 0.005 + o.root_acceleration_m_per_s2 * half
                            : k < 6 ? 0.02 + o.root_angular_acceleration_rad_per_s2 * half
@@ -310,6 +388,8 @@ std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double f
         recording.search_around_path();
         recording.choose();
         recording.recombine_limbs();
+        recording.choose();
+        recording.bridge();
         recording.choose();
     }
     recording.smooth();
