@@ -304,8 +304,9 @@ std::vector<Vec3> SubjectHull::voxels() const {
         for (int z = 0; z < kernels::kBrickEdge; ++z)
             for (std::uint64_t bits = brick.occupancy[z]; bits != 0; bits &= bits - 1) {
                 const int bit = std::countr_zero(bits);
-                out.push_back({lattice.origin[0] + edge * (brick.x * kernels::kBrickEdge + bit % 8 + 0.5),
-                               lattice.origin[1] + edge * (brick.y * kernels::kBrickEdge + bit / 8 + 0.5),
+                const int x = bit % kernels::kBrickEdge, y = bit / kernels::kBrickEdge;
+                out.push_back({lattice.origin[0] + edge * (brick.x * kernels::kBrickEdge + x + 0.5),
+                               lattice.origin[1] + edge * (brick.y * kernels::kBrickEdge + y + 0.5),
                                lattice.origin[2] + edge * (brick.z * kernels::kBrickEdge + z + 0.5)});
             }
     return out;
