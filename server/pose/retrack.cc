@@ -8,6 +8,7 @@
 #include <limits>
 #include <utility>
 
+#include "common/median.h"
 #include "server/pose/each_run.h"
 #include "server/pose/limb_search.h"
 #include "server/pose/pose_fitter.h"
@@ -289,10 +290,7 @@ class Recording {
         std::vector<double> costs;
         for (std::size_t n = 0; n < frames_.size(); ++n)
             if (chosen(n)) costs.push_back(chosen_cost(n));
-        if (costs.empty()) return 0;
-        const auto middle = costs.begin() + static_cast<std::ptrdiff_t>(costs.size() / 2);
-        std::nth_element(costs.begin(), middle, costs.end());
-        return *middle;
+        return costs.empty() ? 0 : median_of(costs);
     }
     // Fits of `count` frame sets from `first` on, forwards (step 1) or backwards (-1), from the path before
     // them; none at an end of the path.

@@ -43,14 +43,13 @@ class Camera:
         self.width, self.height = (int(v) for v in section["size"])
         self.matrix = np.array(section["matrix"], float)
         self.distortion = np.array(section["distortions"], float)
-        self.rodrigues = np.array(section["rotation"], float)
         self.translation = np.array(section["translation"], float)
-        self.rotation = cv2.Rodrigues(self.rodrigues)[0]
+        self.rotation = cv2.Rodrigues(np.array(section["rotation"], float))[0]
 
     def project(self, points):
         """World points (n, 3) in metres -> pixels (n, 2); NaN behind the camera."""
         # Not cv2.projectPoints: from Python it computes all derivatives too, ten times the work.
-        k1, k2, p1, p2, k3 = np.resize(np.append(self.distortion[:5], np.zeros(5)), 5)
+        k1, k2, p1, p2, k3 = np.append(self.distortion, np.zeros(5 - len(self.distortion)))
         x, y, z = self.rotation @ np.asarray(points, float).reshape(-1, 3).T + self.translation[:, None]
         z[z <= 0] = np.nan
         x /= z

@@ -66,7 +66,7 @@ def voxelise(vertices, triangles, grid):
 
 def perfect_hull(cameras, masks, grid):
     """Voxels whose centre is in the true mask of every camera that sees it."""
-    x, y, z = (voxels * grid.voxel_m for voxels in (np.arange(n) + 0.5 for n in grid.size))
+    x, y, z = ((np.arange(n) + 0.5) * grid.voxel_m for n in grid.size)
     corner = grid.first * grid.voxel_m
     layer = np.stack([*(axis.ravel() for axis in np.meshgrid(x, y)), np.zeros(len(x) * len(y))], 1) + corner
     hull = np.zeros((len(z), len(y) * len(x)), bool)

@@ -92,15 +92,14 @@ void SceneTracker::observe_lone(const TrackedState& subject, std::int64_t time_n
     look_at(silhouettes, images);
     const double interval_s =
         memory_.observations(subject.id) < kFirstObservations ? kRememberInterval_s : kLoneInterval_s;
-    const double margin = options_.region_margin_m;
-    const Vec3 wide{margin, margin, margin};
-    const kernels::Lattice around =
-        grid_.part_over({subject.box_in_world.min_in_world - wide, subject.box_in_world.max_in_world + wide});
-    if (around.size[0] > 0 && around.size[1] > 0 && around.size[2] > 0 &&
-        is_remembering_due(time_ns, interval_s)) {
+    if (is_remembering_due(time_ns, interval_s)) {
+        const double margin = options_.region_margin_m;
+        const Vec3 wide{margin, margin, margin};
         grid_.clear();
         whole_images_ = false;
-        carve_in(around, silhouettes);
+        carve_in(grid_.part_over(
+                     {subject.box_in_world.min_in_world - wide, subject.box_in_world.max_in_world + wide}),
+                 silhouettes);
         const std::vector<Cells> parts = grid_.parts(OccupiedCells::kFree);
         if (!parts.empty() && is_upright(parts[0]))
             memory_.observe(subject.id, appearance_of(grid_, parts[0], views_));

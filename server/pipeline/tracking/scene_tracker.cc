@@ -206,11 +206,12 @@ void SceneTracker::carve(const SilhouettesByCamera& silhouettes) {
         low.z = std::min(low.z, kFrom_m);  // its legs may have been missing
         const kernels::Lattice part =
             grid_.part_over({low, subject.shape.max_in_world + subject.motion + wide});
-        if (part.size[0] > 0 && part.size[1] > 0 && part.size[2] > 0) carve_in(part, silhouettes);
+        carve_in(part, silhouettes);
     }
 }
 
 void SceneTracker::carve_in(const kernels::Lattice& lattice, const SilhouettesByCamera& silhouettes) {
+    if (std::ranges::any_of(lattice.size, [](int n) { return n == 0; })) return;
     const Box3 box = box_of(lattice);
     std::vector<kernels::HullView> views;
     for (std::size_t c = 0; c < cameras_.size(); ++c) {

@@ -40,7 +40,6 @@ void SubjectTracker::reset() {
     scene_.reset();
     alone_ = !options_.whole_scene();
     others_seen_ = false;
-    newcomer_ = {};
     std::ranges::fill(person_outside_ns_, 0);
     std::ranges::fill(excluded_since_ns_, kNever);
     shape_.bricks.clear();
@@ -102,11 +101,13 @@ SceneUpdate SubjectTracker::update(std::uint64_t sequence, std::int64_t time_ns,
                                    const SilhouettesByCamera& silhouettes,
                                    std::span<const kernels::ImageView> images) {
     std::optional<SceneUpdate> update;
-    if (alone_ && !tracker_.tracking()) update = update_first(sequence, time_ns, silhouettes, images);
+    Newcomer newcomer;
+    if (alone_ && !tracker_.tracking())
+        update = update_first(sequence, time_ns, silhouettes, images, newcomer);
     if (update)
         alone_ = false;
     else if (alone_)
-        update = update_alone(sequence, time_ns, silhouettes, images);
+        update = update_alone(sequence, time_ns, silhouettes, images, newcomer);
     else
         update = update_scene(sequence, time_ns, silhouettes, images);
     others_seen_ = !options_.whole_scene() && sees_others(time_ns, silhouettes);
@@ -114,12 +115,12 @@ SceneUpdate SubjectTracker::update(std::uint64_t sequence, std::int64_t time_ns,
     return *std::move(update);
 }
 
-// While no subject is tracked: the several people that are there, who are tracked from now on; empty for one
-// or none.
+// While no subject is tracked: the several people that are there, who are tracked from now on; empty for one,
+// the newcomer, or none.
 std::optional<SceneUpdate> SubjectTracker::update_first(std::uint64_t sequence, std::int64_t time_ns,
                                                         const SilhouettesByCamera& silhouettes,
-                                                        std::span<const kernels::ImageView> images) {
-    newcomer_ = {};
+                                                        std::span<const kernels::ImageView> images,
+                                                        Newcomer& newcomer) {
     const auto showing =
         std::ranges::count_if(silhouettes, [](const auto* s) { return s && s->sharp_pixels > 0; });
     if (showing < kMinCameras) return std::nullopt;
@@ -127,14 +128,15 @@ std::optional<SceneUpdate> SubjectTracker::update_first(std::uint64_t sequence, 
     scene_.predict(time_ns);
     SceneUpdate update = scene_.update(sequence, time_ns, silhouettes, images);
     if (scene_.people() + scene_.newcomers() >= 2) return update;
-    newcomer_ = scene_.lone_newcomer(time_ns);
+    newcomer = scene_.lone_newcomer(time_ns);
     return std::nullopt;
 }
 
 SceneUpdate SubjectTracker::update_alone(std::uint64_t sequence, std::int64_t time_ns,
                                          const SilhouettesByCamera& silhouettes,
-                                         std::span<const kernels::ImageView> images) {
-    TrackerUpdate tracked = tracker_.update(sequence, time_ns, silhouettes, newcomer_);
+                                         std::span<const kernels::ImageView> images,
+                                         const Newcomer& newcomer) {
+    TrackerUpdate tracked = tracker_.update(sequence, time_ns, silhouettes, newcomer);
     SceneUpdate update;
     update.events = std::move(tracked.events);
     for (std::size_t c = 0; c < cameras_.size(); ++c)

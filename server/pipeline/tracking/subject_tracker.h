@@ -58,10 +58,10 @@ class SubjectTracker {
     void follow_alone();
     std::optional<SceneUpdate> update_first(std::uint64_t sequence, std::int64_t time_ns,
                                             const SilhouettesByCamera& silhouettes,
-                                            std::span<const kernels::ImageView> images);
+                                            std::span<const kernels::ImageView> images, Newcomer& newcomer);
     SceneUpdate update_alone(std::uint64_t sequence, std::int64_t time_ns,
                              const SilhouettesByCamera& silhouettes,
-                             std::span<const kernels::ImageView> images);
+                             std::span<const kernels::ImageView> images, const Newcomer& newcomer);
     SceneUpdate update_scene(std::uint64_t sequence, std::int64_t time_ns,
                              const SilhouettesByCamera& silhouettes,
                              std::span<const kernels::ImageView> images);
@@ -77,7 +77,6 @@ class SubjectTracker {
     bool others_seen_ = false;  // beside the subject, in the last update
     std::int64_t last_others_ns_ = 0;
     std::int64_t last_alone_ns_ = 0;                  // time of the last frame set that Tracker tracked
-    Newcomer newcomer_;                               // while no subject is tracked
     Vec3 motion_;                                     // of the lone subject
     std::vector<kernels::SegmentationPrior> priors_;  // of the current frame set
     std::vector<std::int64_t> person_outside_ns_;     // per camera, when it last showed one; 0: not since

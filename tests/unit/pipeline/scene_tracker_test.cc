@@ -51,26 +51,18 @@ class People {
           control_(options.max_subjects),
           tracker_(std::move(cameras), kPeopleFps, options, &control_) {}
 
-    SceneUpdate show(const std::vector<Vec3>& floor_points) {
+    SceneUpdate show(const std::vector<Vec3>& floor_points, std::span<const kernels::ImageView> images = {}) {
         const auto time_ns = static_cast<std::int64_t>(std::llround(1e9 * frame_ / kPeopleFps));
         tracker_.predict(time_ns);
         std::vector<kernels::Silhouettes> made;
         for (const Camera& camera : cameras_) made.push_back(silhouettes_of(camera, people_at(floor_points)));
         std::vector<const kernels::Silhouettes*> seen;
         for (const auto& s : made) seen.push_back(&s);
-        return tracker_.update(static_cast<std::uint64_t>(frame_++), time_ns, seen);
+        return tracker_.update(static_cast<std::uint64_t>(frame_++), time_ns, seen, images);
     }
     // The same with images of them in these clothes.
     SceneUpdate show_dressed(const std::vector<Dressed>& people) {
-        const auto time_ns = static_cast<std::int64_t>(std::llround(1e9 * frame_ / kPeopleFps));
-        tracker_.predict(time_ns);
-        std::vector<kernels::Silhouettes> made;
-        for (const Camera& camera : cameras_)
-            made.push_back(silhouettes_of(camera, people_at(points_of(people))));
-        std::vector<const kernels::Silhouettes*> seen;
-        for (const auto& s : made) seen.push_back(&s);
-        const DressedImages images(cameras_, people);
-        return tracker_.update(static_cast<std::uint64_t>(frame_++), time_ns, seen, images.views());
+        return show(points_of(people), DressedImages(cameras_, people).views());
     }
     SubjectControl& control() { return control_; }
     // The id of the subject nearest to a point, at most 0.2 m away; 0: none.

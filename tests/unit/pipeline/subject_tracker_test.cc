@@ -63,10 +63,7 @@ class Room {
         const auto time_ns = static_cast<std::int64_t>(std::llround(1e9 * frame_ / kSceneFps));
         tracker_.predict(time_ns);
         std::vector<kernels::Silhouettes> made;
-        for (const Camera& camera : seeing_) {
-            made.push_back(silhouettes_of(camera, people_at(floor_points)));
-            made.back().probability = made.back().sharp;
-        }
+        for (const Camera& camera : seeing_) made.push_back(silhouettes_of(camera, people_at(floor_points)));
         std::vector<const kernels::Silhouettes*> seen;
         for (const auto& s : made) seen.push_back(&s);
         SceneUpdate update = tracker_.update(static_cast<std::uint64_t>(frame_++), time_ns, seen, images);
