@@ -505,6 +505,7 @@ absl::Status StagedPipeline::pose_subject(const FrameResult& result, const Subje
     std::vector<PoseView> views(cameras_.size());
     for (std::size_t c = 0; c < cameras_.size(); ++c) views[c].camera = &models_[c];
     for (const std::size_t c : seen.inlier_cameras) {
+        views[c].image = to_kernel(result.frame_set.images[c]);
         views[c].silhouettes = seen.beside_others ? &seen.views.own[c] : &result.silhouettes[c];
         if (seen.beside_others) views[c].shared = &seen.views.shared[c];
     }

@@ -31,6 +31,7 @@ struct PoseView {
     // Foreground that may show another subject or this one: contours there are not used, and the body may be
     // there. Null: nowhere.
     const ForegroundPart* shared = nullptr;
+    kernels::ImageView image;  // without data: colours are not used
 };
 
 // Proposes poses for silhouettes; implemented by the pose database.

@@ -116,7 +116,7 @@ struct Weights {
     double data, ambiguity, doubtful_ambiguity;
 };
 constexpr Weights kOfJoints{0.46, 0.3, 2.6}, kOfAngles{0.48, 0.57, 1.23};
-constexpr double kOfOwnMisfit = 0.22, kOfAllMisfit = 0.04, kOfParentMisfit = 0.09, kParentMisfit_m2 = 0.0009,
+constexpr double kOfOwnMisfit = 0.27, kOfAllMisfit = 0.04, kOfParentMisfit = 0.09, kParentMisfit_m2 = 0.0009,
                  kOfRootMisfit = 0.07;
 // Beyond this the silhouettes do not determine a value, whatever their misfit (m and rad).
 constexpr double kUndetermined2 = 0.02 * 0.02;

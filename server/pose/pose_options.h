@@ -12,6 +12,7 @@ namespace kinevox {
 struct SilhouetteRayOptions {
     int contour_rays = 160;       // maximum number per camera
     int distance_map_side = 160;  // approximate number of cells along the longer side of the distance map
+    int colour_side = 112;  // approximate number of colour cells along the silhouette's longer side; 0: none
     bool operator==(const SilhouetteRayOptions&) const = default;
 };
 
@@ -92,6 +93,9 @@ requires kernels::SameOptions<T, PoseTrackerOptions>
 void visit_options(T& o, F&& f) {
     f({"contour_rays", 1, 100000, "", "Maximum number of contour rays per camera."}, o.rays.contour_rays);
     f({"distance_map_side", 1, 10000, "cells", "Longer side of the distance map."}, o.rays.distance_map_side);
+    f({"colour_side", 0, 10000, "cells",
+       "Longer side of the grid of a subject's colours; 0: colours are not compared."},
+      o.rays.colour_side);
     f({"headings", 1, 1000, "", "Headings tried per key pose when a pose is searched."}, o.headings);
     f({"starts", 1, 1000, "", "Number of best starts that are fitted."}, o.starts);
     f({"hypotheses", 1, 1000, "", "Number of best fits that are tracked."}, o.hypotheses);

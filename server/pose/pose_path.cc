@@ -63,7 +63,7 @@ class Run {
   private:
     int count(std::size_t n) const { return static_cast<int>(frames_[n].candidates.size()); }
     const PathCandidate& at(std::size_t n, int k) const { return frames_[n].candidates[k]; }
-    double cost(std::size_t n, int k) const { return share_ * at(n, k).cost; }
+    double cost(std::size_t n, int k) const { return share_ * at(n, k).total(); }
 
     // Costs of the motion: links_[n] of pairs for n = 1, of triples (i, j, k) ending in k at n otherwise.
     void link() {
@@ -120,7 +120,7 @@ class Run {
         if (last == 0) {
             out[0].candidate = 0;
             for (int k = 1; k < count(0); ++k)
-                if (at(0, k).cost < at(0, out[0].candidate).cost) out[0].candidate = k;
+                if (at(0, k).total() < at(0, out[0].candidate).total()) out[0].candidate = k;
             return;
         }
         std::vector<Costs> total(frames_.size());
@@ -166,7 +166,7 @@ class Run {
         for (std::size_t n = 0; n <= last; ++n) out[n].probability.assign(count(n), 0);
         if (last == 0) {
             Costs single;
-            for (int k = 0; k < count(0); ++k) single.push_back(-at(0, k).cost / kTemperature);
+            for (int k = 0; k < count(0); ++k) single.push_back(-at(0, k).total() / kTemperature);
             const double all = log_sum(single);
             for (int k = 0; k < count(0); ++k) out[0].probability[k] = std::exp(single[k] - all);
             return;

@@ -17,6 +17,8 @@ struct PathCandidate {
     BodyPosture posture;
     double cost = 0;  // against the silhouettes, without motion prior
     JointPositions joints_in_world{};
+    double colour_cost = 0;  // against the colours within the silhouettes
+    double total() const { return cost + colour_cost; }
 };
 
 struct PathFrame {

@@ -99,6 +99,8 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
             if (c >= shown.size() || !shown[c].silhouettes) return;
             read_silhouette(cameras_[c], *shown[c].silhouettes, options_.tracker.rays, observation_.views[c],
                             shown[c].shared);
+            read_colours(shown[c].image, *shown[c].silhouettes, options_.tracker.rays.colour_side,
+                         observation_.views[c].colours);
         },
         oneapi::tbb::simple_partitioner());
     std::vector<PoseCandidate> candidates;

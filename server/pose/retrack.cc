@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/median.h"
+#include "server/pose/body_colours.h"
 #include "server/pose/each_run.h"
 #include "server/pose/limb_search.h"
 #include "server/pose/pose_fitter.h"
@@ -33,8 +34,13 @@ constexpr double kSameLimb_m = 0.08;    // limbs with no joint of joints_of() fa
 constexpr double kLimbGain = 10;        // minimum decrease of the path's cost per frame set by another limb
 constexpr std::size_t kLimbStarts = 3;  // other limbs that are fitted per frame set, those that match best
 
+constexpr std::array<double, 4> kForearmTurns{-1, -0.5, 0.5, 1};  // rad, see forearm_turned()
+constexpr std::size_t kTurnViews = 4;                             // maximum number, evenly spread
+constexpr std::size_t kTurnStarts =
+    4;  // turned forearms that are fitted per frame set, those that match best
+
 bool cheaper(const PathCandidate& a, const PathCandidate& b) {
-    return a.cost < b.cost;
+    return a.total() < b.total();
 }
 
 // Those that show where a limb is, elbow and wrist or knee and ankle. Hands and feet differ everywhere.
@@ -102,7 +108,25 @@ class Recording {
 
     void choose() { choices_ = choose_path(frames_); }
 
-    // Fits from the postures of the neighbours on the path, and with left and right exchanged.
+    // From the postures on the path; all candidates are weighed again.
+    void learn_colours() {
+        std::vector<BodyColours::Example> examples(frames_.size());
+        each([&](std::size_t n) {
+            examples[n].views = recorded_[n].seen->views;
+            model_.capsules(model_.forward(*chosen(n)), examples[n].capsules);
+        });
+        colours_.learn(examples);
+        each([&](std::size_t n) {
+            std::vector<BodyCapsule> capsules;
+            for (PathCandidate& c : frames_[n].candidates) {
+                model_.capsules(model_.forward(c.posture), capsules);
+                c.colour_cost = colours_.cost(recorded_[n].seen->views, capsules);
+            }
+        });
+    }
+
+    // Fits from the postures of the neighbours on the path, with left and right exchanged, and with a forearm
+    // turned towards or away from a camera: silhouettes alone hardly show which.
     void search_around_path() {
         std::vector<std::vector<PathCandidate>> found(frames_.size());
         each([&](std::size_t n) {
@@ -116,9 +140,17 @@ class Recording {
             starts.push_back(exchanged(*chosen(n), kArmSegments));
             PoseFitter fitter(options_.tracker.fit);
             PoseCost cost(options_.tracker.fit.cost);
+            for (const int forearm : {kForearmL, kForearmR})
+                for (const BodyPosture& start : with_turned_forearm(n, forearm, fitter))
+                    starts.push_back(start);
             for (const BodyPosture& start : starts) {
                 const PoseFit fit = fitter.fit(model_, recorded_[n].seen->views, start, nullptr, true);
-                found[n].push_back(candidate(n, fit.posture, cost));
+                PathCandidate c = without_colours(n, fit.posture, cost);
+                if (c.cost > chosen_cost(n) + kHopeless || is_worse(c, frames_[n].candidates) ||
+                    is_worse(c, found[n]))
+                    continue;
+                c.colour_cost = colours_.cost(recorded_[n].seen->views, cost.capsules());
+                found[n].push_back(std::move(c));
             }
         });
         for (std::size_t n = 0; n < frames_.size(); ++n)
@@ -276,6 +308,24 @@ class Recording {
         if (chosen(n + 1)) add(path[n + 1]);
         return starts;
     }
+    // The posture on the path with a forearm turned towards or away from a camera, those that match best.
+    std::vector<BodyPosture> with_turned_forearm(std::size_t n, int forearm, PoseFitter& fitter) const {
+        const std::vector<SilhouetteRays>& views = recorded_[n].seen->views;
+        std::vector<std::pair<double, BodyPosture>> starts;
+        const std::size_t stride = (views.size() + kTurnViews - 1) / kTurnViews;
+        for (std::size_t c = 0; c < views.size(); c += stride) {
+            if (!views[c].camera) continue;
+            const Vec3 viewpoint = views[c].contour.origin_in_world;
+            for (const double angle : kForearmTurns)
+                if (const auto start = forearm_turned(model_, *chosen(n), forearm, viewpoint, angle))
+                    starts.emplace_back(fitter.cost_of(model_, views, *start), *start);
+        }
+        std::ranges::stable_sort(starts, {}, &std::pair<double, BodyPosture>::first);
+        std::vector<BodyPosture> best;
+        for (std::size_t k = 0; k < std::min(starts.size(), kTurnStarts); ++k)
+            best.push_back(starts[k].second);
+        return best;
+    }
     const BodyPosture* chosen(std::size_t n) const {
         if (n >= frames_.size() || choices_[n].candidate < 0) return nullptr;
         return &frames_[n].candidates[choices_[n].candidate].posture;
@@ -332,16 +382,29 @@ class Recording {
                                    : 0.03 + o.joint_angular_acceleration_rad_per_s2 * half;
         return prior;
     }
-    PathCandidate candidate(std::size_t n, const BodyPosture& posture, PoseCost& cost) const {
+    PathCandidate without_colours(std::size_t n, const BodyPosture& posture, PoseCost& cost) const {
         Linearisation at;
         cost.linearise(model_, posture, recorded_[n].seen->views, nullptr, options_.tracker.fit.narrow_m, at);
         return {posture, at.cost, cost.posed().joints_in_world};
     }
+    PathCandidate candidate(std::size_t n, const BodyPosture& posture, PoseCost& cost) const {
+        PathCandidate c = without_colours(n, posture, cost);
+        c.colour_cost = colours_.cost(recorded_[n].seen->views, cost.capsules());
+        return c;
+    }
+    static bool same_joints(const PathCandidate& a, const PathCandidate& b) {
+        return max_joint_distance(a.joints_in_world, b.joints_in_world) < kSameJoints_m;
+    }
+    // Whether the silhouettes prefer a candidate with the same joints.
+    static bool is_worse(const PathCandidate& c, std::span<const PathCandidate> known) {
+        return std::ranges::any_of(
+            known, [&](const PathCandidate& other) { return other.cost <= c.cost && same_joints(other, c); });
+    }
     // Replaces a dearer candidate with the same joints; false if there is none with the same joints.
     bool merge(std::size_t n, const PathCandidate& c) {
         for (PathCandidate& other : frames_[n].candidates)
-            if (max_joint_distance(other.joints_in_world, c.joints_in_world) < kSameJoints_m) {
-                if (c.cost < other.cost) other = c;
+            if (same_joints(other, c)) {
+                if (c.total() < other.total()) other = c;
                 return true;
             }
         return false;
@@ -354,7 +417,7 @@ class Recording {
         std::vector<PathCandidate>& known = frames_[n].candidates;
         known.push_back(c);
         std::stable_sort(known.begin(), known.end(), cheaper);
-        while (known.size() > kMaxCandidates || known.back().cost > known.front().cost + kHopeless)
+        while (known.size() > kMaxCandidates || known.back().total() > known.front().total() + kHopeless)
             known.pop_back();
     }
 
@@ -365,6 +428,7 @@ class Recording {
     std::vector<PathFrame> frames_;
     std::vector<PathChoice> choices_;
     std::vector<std::optional<BodyPosture>> path_;
+    BodyColours colours_;
 };
 
 }  // namespace
@@ -381,6 +445,8 @@ std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double f
                                  [&] { recording.add_pass(cameras, fps, unfiltered, true, found[1]); });
     for (std::size_t n = 0; n < frames.size(); ++n)
         for (const auto& pass : found) recording.add(n, pass[n]);
+    recording.choose();
+    recording.learn_colours();
     recording.choose();
     for (int round = 0; round < kRounds; ++round) {
         recording.search_around_path();

@@ -10,6 +10,7 @@
 #include "kernels/segmentation.h"
 #include "server/pose/pose_candidate.h"
 #include "server/pose/pose_options.h"
+#include "server/pose/view_colours.h"
 
 namespace kinevox {
 
@@ -46,6 +47,7 @@ struct SilhouetteRays {
     const Camera* camera = nullptr;  // null: this camera is not used
     ContourRays contour;
     SilhouetteDistance distance;
+    ViewColours colours;  // empty: not read
 
     // How far a point lies inside the silhouette in the image, m at the point's depth; negative outside.
     // Empty where this camera does not see it.

@@ -1,5 +1,6 @@
 #include "server/pose/turned_posture.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
@@ -70,6 +71,33 @@ BodyPosture elbow_mirrored(const BodyModel& model, const BodyPosture& posture, i
         posed.world_from_segment[kBodyParent[upper_arm]].rotation.transposed() *
         limb_rotation(posed, upper_arm, hand) * posed.world_from_segment[upper_arm].rotation;
     out.parent_from_segment[hand] = Mat3{};
+    return out;
+}
+
+std::optional<BodyPosture> forearm_turned(const BodyModel& model, const BodyPosture& posture, int forearm,
+                                          Vec3 viewpoint, double angle) {
+    const int upper_arm = kBodyParent[forearm], hand = forearm == kForearmL ? kHandL : kHandR;
+    const PosedBody posed = model.forward(posture);
+    const Vec3 elbow = posed.world_from_segment[forearm].translation;
+    const Vec3 axis = normalized(elbow - posed.world_from_segment[upper_arm].translation);
+    const Vec3 now = normalized(posed.world_from_segment[hand].translation - elbow);
+    const Vec3 away = normalized(elbow - viewpoint);
+    const Vec3 in_image = now - dot(now, away) * away;
+    const double depth_angle = std::atan2(dot(now, away), norm(in_image)) + angle;
+    if (std::abs(depth_angle) > std::numbers::pi / 2 || norm(in_image) < 1e-3) return std::nullopt;
+    const Vec3 to = std::cos(depth_angle) * normalized(in_image) + std::sin(depth_angle) * away;
+    BodyPosture out = posture;
+    out.parent_from_segment[hand] = Mat3{};
+    out.parent_from_segment[forearm] =
+        rotation_from_rodrigues(std::acos(std::clamp(dot(axis, to), -1.0, 1.0)) * hinge_axis(forearm));
+    // About the upper arm's axis from where the bent forearm points to where it must.
+    const auto across = [&](Vec3 direction) { return direction - dot(direction, axis) * axis; };
+    const Vec3 bent = across(model.forward(out).world_from_segment[hand].translation - elbow),
+               wanted = across(to);
+    const double twist = std::atan2(dot(cross(bent, wanted), axis), dot(bent, wanted));
+    out.parent_from_segment[upper_arm] =
+        posed.world_from_segment[kBodyParent[upper_arm]].rotation.transposed() *
+        rotation_from_rodrigues(twist * axis) * posed.world_from_segment[upper_arm].rotation;
     return out;
 }
 

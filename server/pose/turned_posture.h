@@ -1,7 +1,9 @@
-// Other readings of a body's silhouettes: the same body facing the other way, or an elbow on the other side.
+// Other readings of a body's silhouettes: the same body facing the other way, an elbow on the other side, or
+// a forearm farther from a camera.
 #pragma once
 
 #include <array>
+#include <optional>
 #include <utility>
 
 #include "server/pose/body_model.h"
@@ -22,6 +24,12 @@ BodyPosture turned(const BodyModel& model, const BodyPosture& posture);
 // Half a turn of an arm about the line from shoulder to wrist, the hand straight: the elbow bends to the
 // other side. `upper_arm` is kUpperArmL or kUpperArmR.
 BodyPosture elbow_mirrored(const BodyModel& model, const BodyPosture& posture, int upper_arm);
+
+// Turns a forearm, kForearmL or kForearmR, about its elbow away from a viewpoint by an angle (rad, negative:
+// towards it), the hand straight: the upper arm rotates about its own axis, and the elbow bends. From there
+// the forearm keeps its direction in the image. Empty beyond the viewing ray through the elbow.
+std::optional<BodyPosture> forearm_turned(const BodyModel& model, const BodyPosture& posture, int forearm,
+                                          Vec3 viewpoint_in_world, double angle);
 
 // Rotation of the upper arm about its own axis against the hanging arm, after the shortest swing; -pi to pi.
 // Beyond about half of that range no shoulder turns.

@@ -56,6 +56,18 @@ TEST(PosePath, SharesProbabilityBetweenEqualCandidates) {
     }
 }
 
+TEST(PosePath, PrefersColoursWhereSilhouettesAllowBoth) {
+    std::vector<PathFrame> seen = frames(20);
+    for (int n = 0; n < 20; ++n) {
+        seen[n].candidates.push_back(candidate(n, 0.3, 12));
+        seen[n].candidates[0].colour_cost = -5, seen[n].candidates[1].colour_cost = -40;
+    }
+    for (const PathChoice& choice : choose_path(seen)) {
+        EXPECT_EQ(choice.candidate, 1);
+        EXPECT_GT(choice.probability[1], 0.9);
+    }
+}
+
 // Ten frame sets per second, three of them cheaper from behind.
 TEST(PosePath, DoesNotTurnAroundAndBack) {
     std::vector<PathFrame> seen(12);

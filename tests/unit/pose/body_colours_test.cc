@@ -1,0 +1,202 @@
+// Colours within the silhouettes, and what they say about an arm before the trunk.
+#include "server/pose/body_colours.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "common/geometry.h"
+#include "server/pose/ray_capsule.h"
+#include "server/pose/turned_posture.h"
+#include "server/pose/view_colours.h"
+#include "tests/support/seen_body.h"
+
+namespace kinevox {
+namespace {
+
+using Colour = std::array<std::uint8_t, 3>;
+constexpr Colour kShirt{60, 60, 150}, kTrousers{90, 60, 30}, kSkin{120, 150, 200};
+
+Colour colour_of(int segment, Colour sleeve) {
+    switch (segment) {
+        case kThorax:
+            return kShirt;
+        case kUpperArmL:
+        case kUpperArmR:
+        case kForearmL:
+        case kForearmR:
+            return sleeve;
+        case kHead:
+        case kHandL:
+        case kHandR:
+            return kSkin;
+        default:
+            return kTrousers;
+    }
+}
+
+// What a camera sees of painted capsules.
+struct Picture {
+    std::vector<std::uint8_t> pixels;
+    kernels::Silhouettes silhouettes;
+    kernels::ImageView view() const {
+        return {pixels.data(), silhouettes.width, silhouettes.height, 3, 3 * silhouettes.width};
+    }
+};
+Picture paint(const Camera& camera, const std::vector<BodyCapsule>& capsules, Colour sleeve) {
+    Picture picture{{}, testing::silhouette_of(camera, capsules)};
+    picture.pixels.assign(3 * picture.silhouettes.sharp.size(), 0);
+    const Vec3 origin = camera.centre_in_world();
+    for (int y = picture.silhouettes.bounds.y0; y < picture.silhouettes.bounds.y1; ++y)
+        for (int x = picture.silhouettes.bounds.x0; x < picture.silhouettes.bounds.x1; ++x) {
+            const std::size_t at = static_cast<std::size_t>(y) * camera.width + x;
+            if (!picture.silhouettes.sharp[at]) continue;
+            const Vec3 direction =
+                camera.ray_through({static_cast<double>(x), static_cast<double>(y)}).direction_in_world;
+            double nearest = std::numeric_limits<double>::infinity();
+            for (const BodyCapsule& capsule : capsules) {
+                const RayTouch touch = touch_ray(origin, direction, {}, capsule);
+                if (!(touch.distance < 0)) continue;
+                const double depth = norm(touch.point - origin) + touch.distance;
+                if (depth >= nearest) continue;
+                nearest = depth;
+                const Colour colour = colour_of(capsule.segment, sleeve);
+                std::copy(colour.begin(), colour.end(), picture.pixels.begin() + 3 * at);
+            }
+        }
+    return picture;
+}
+
+class BodyColoursTest : public ::testing::Test {
+  protected:
+    std::vector<SilhouetteRays> see(const BodyCoordinates& q, Colour sleeve = kSkin) const {
+        std::vector<SilhouetteRays> views(scene_.cameras.size());
+        for (std::size_t c = 0; c < views.size(); ++c) {
+            const Picture picture =
+                paint(scene_.cameras[c], capsules_of(posture_from_coordinates(q)), sleeve);
+            read_silhouette(scene_.cameras[c], picture.silhouettes, {}, views[c]);
+            read_colours(picture.view(), picture.silhouettes, 112, views[c].colours);
+        }
+        return views;
+    }
+    std::vector<BodyCapsule> capsules_of(const BodyPosture& posture) const {
+        std::vector<BodyCapsule> capsules;
+        scene_.model->capsules(scene_.model->forward(posture), capsules);
+        return capsules;
+    }
+    // Learns from arms that point forwards and to the side.
+    BodyColours learned(Colour sleeve = kSkin) const {
+        std::vector<std::vector<SilhouetteRays>> seen;
+        std::vector<BodyColours::Example> examples;
+        for (const BodyCoordinates& q : {scene_.standing(), scene_.t_pose()}) {
+            seen.push_back(see(q, sleeve));
+            examples.push_back({{}, capsules_of(posture_from_coordinates(q))});
+        }
+        for (std::size_t n = 0; n < seen.size(); ++n) examples[n].views = seen[n];
+        BodyColours colours;
+        colours.learn(examples);
+        return colours;
+    }
+    // The left forearm before the trunk.
+    BodyCoordinates folded() const {
+        BodyCoordinates q = scene_.standing();
+        q[kDofShoulderL] = radians(15), q[kDofShoulderL + 1] = radians(-5),
+        q[kDofShoulderL + 2] = radians(60);
+        q[kDofElbowL] = radians(95);
+        return q;
+    }
+
+    testing::SeenBody scene_{.cameras = testing::camera_ring(3)};
+};
+
+TEST(ViewColours, AveragesThePixelsOfTheSilhouetteInEachCell) {
+    kernels::Silhouettes seen;
+    seen.width = 40, seen.height = 30;
+    seen.sharp.assign(40 * 30, 0);
+    std::vector<std::uint8_t> pixels(3 * seen.sharp.size(), 255);
+    for (int y = 10; y < 30; ++y)
+        for (int x = 4; x < 14; ++x) {
+            const std::size_t at = static_cast<std::size_t>(y) * 40 + x;
+            seen.sharp[at] = 255, ++seen.sharp_pixels;
+            pixels[3 * at] = 10, pixels[3 * at + 1] = 20, pixels[3 * at + 2] = y < 20 ? 30 : 90;
+        }
+    seen.bounds = {4, 10, 16, 30};  // of the loose one: wider
+    ViewColours colours;
+    read_colours({pixels.data(), 40, 30, 3, 120}, seen, 10, colours);
+    ASSERT_EQ(colours.cell, 2);
+    ASSERT_EQ(colours.columns, 6);
+    ASSERT_EQ(colours.rows, 10);
+    EXPECT_EQ(colours.colour[0], (Colour{10, 20, 30}));
+    EXPECT_EQ(colours.colour[6 * 9 + 4], (Colour{10, 20, 90}));
+    EXPECT_EQ(colours.inside[4], 1);
+    EXPECT_EQ(colours.inside[5], 0) << "outside the sharp silhouette";
+    read_colours({}, seen, 10, colours);
+    EXPECT_TRUE(colours.empty());
+}
+
+TEST_F(BodyColoursTest, PreferTheArmThatShowsItsSkin) {
+    const BodyColours colours = learned();
+    const BodyPosture truth = posture_from_coordinates(folded());
+    const auto views = see(folded());
+    const double right = colours.cost(views, capsules_of(truth));
+    int compared = 0;
+    for (const SilhouetteRays& view : views)
+        for (const double angle : {-1.0, 1.0})
+            if (const auto turned =
+                    forearm_turned(*scene_.model, truth, kForearmL, view.contour.origin_in_world, angle)) {
+                EXPECT_GT(colours.cost(views, capsules_of(*turned)), right + 10);
+                ++compared;
+            }
+    EXPECT_GE(compared, 3);
+}
+
+TEST_F(BodyColoursTest, AreSilentAboutAnArmOfTheTrunksColour) {
+    const BodyColours colours = learned(kShirt);
+    const BodyPosture truth = posture_from_coordinates(folded());
+    const auto views = see(folded(), kShirt);
+    BodyPosture other = truth;  // within the trunk's silhouette
+    other.parent_from_segment[kForearmL] = other.parent_from_segment[kForearmL] * rotation_z(radians(20));
+    other.parent_from_segment[kHandL] = rotation_x(radians(40));
+    EXPECT_NEAR(colours.cost(views, capsules_of(other)), colours.cost(views, capsules_of(truth)), 25);
+}
+
+TEST_F(BodyColoursTest, CostNothingWithoutImages) {
+    const std::vector<SilhouetteRays> views = scene_.see(folded());
+    const std::vector<BodyCapsule> capsules = capsules_of(posture_from_coordinates(folded()));
+    BodyColours colours;
+    EXPECT_EQ(colours.cost(views, capsules), 0) << "nothing learned";
+    colours.learn(std::vector<BodyColours::Example>{{views, capsules}});
+    EXPECT_EQ(colours.cost(views, capsules), 0);
+    EXPECT_EQ(learned().cost(views, capsules), 0);
+}
+
+TEST_F(BodyColoursTest, ForearmTurnedKeepsElbowAndDirectionInTheImage) {
+    const BodyPosture truth = posture_from_coordinates(folded());
+    const PosedBody before = scene_.model->forward(truth);
+    const Camera& camera = scene_.cameras[0];
+    const auto turned =
+        forearm_turned(*scene_.model, truth, kForearmL, camera.centre_in_world(), radians(30));
+    ASSERT_TRUE(turned);
+    const PosedBody after = scene_.model->forward(*turned);
+    const auto elbow = [](const PosedBody& b) { return b.world_from_segment[kForearmL].translation; };
+    const auto wrist = [](const PosedBody& b) { return b.world_from_segment[kHandL].translation; };
+    EXPECT_LT(norm(elbow(after) - elbow(before)), 1e-6);
+    const Vec3 away = normalized(elbow(before) - camera.centre_in_world());
+    const auto depth = [&](const PosedBody& b) {
+        return std::asin(dot(normalized(wrist(b) - elbow(b)), away));
+    };
+    EXPECT_NEAR(depth(after) - depth(before), radians(30), 1e-6);
+    const auto in_image = [&](const PosedBody& b) {
+        const Vec3 v = wrist(b) - elbow(b);
+        return normalized(v - dot(v, away) * away);
+    };
+    EXPECT_GT(dot(in_image(before), in_image(after)), 1 - 1e-9);
+    EXPECT_FALSE(forearm_turned(*scene_.model, truth, kForearmL, camera.centre_in_world(), radians(170)));
+}
+
+}  // namespace
+}  // namespace kinevox
