@@ -146,6 +146,31 @@ bool LiveBodyFit::observe_one(std::uint32_t key, std::int64_t time_ns, const Pos
            !subject.collecting;
 }
 
+bool LiveBodyFit::observe_lone(std::int64_t time_ns, std::span<const Seen> tracked, Ended& ended) {
+    const std::uint32_t id = tracked.empty() ? 0 : tracked.front().subject_id;
+    bool changed = false;
+    if (id != 0 && std::exchange(lone_id_, id) != id) changed = change_lone(id);
+    subjects_[0].progress.subject_id = id;
+    return observe_one(0, time_ns, tracked.empty() ? nullptr : tracked.front().observation, ended) || changed;
+}
+
+// Another person, or one not recognised, takes the place of the last one.
+bool LiveBodyFit::change_lone(std::uint32_t id) {
+    Subject& lone = subjects_[0];
+    if (lone.progress.requested || (lone.collecting && lone.collecting->requested)) return false;
+    cancel(0);
+    lone.collecting.reset();
+    const auto known = lone_fits_.find(id);
+    if (known != lone_fits_.end()) {
+        lone.progress.fit = known->second;
+        lone.progress.body = known->second.shape;
+    }
+    lone.attempts_left = known == lone_fits_.end() && options_.automatic ? kAttempts : 0;
+    lone.progress.state = lone.progress.fit ? BodyFitState::kReady : BodyFitState::kNotStarted;
+    lone.progress.progress = lone.progress.fit ? 1 : 0;
+    return true;
+}
+
 bool LiveBodyFit::observe_several(std::int64_t time_ns, std::span<const Seen> tracked, Ended& ended) {
     bool changed = observe_gone(time_ns, tracked, ended);
     for (const Seen& seen : tracked) {
@@ -201,16 +226,16 @@ void LiveBodyFit::observe(std::int64_t time_ns, std::span<const Seen> tracked) {
     {
         const std::scoped_lock lock(mutex_);
         const bool back = std::exchange(last_time_ns_, time_ns) > time_ns;
-        const bool run_ended = std::exchange(run_ended_, false) && options_.several_subjects;
-        if (back || run_ended) changed = restart();
-        if (closed_) return;
-        if (options_.several_subjects) {
-            changed = observe_several(time_ns, tracked, ended) || changed;
-        } else {
-            subjects_[0].progress.subject_id = tracked.empty() ? 0 : tracked.front().subject_id;
-            const PoseObservation* const seen = tracked.empty() ? nullptr : tracked.front().observation;
-            changed = observe_one(0, time_ns, seen, ended) || changed;
+        const bool run_ended = std::exchange(run_ended_, false);
+        if (back || run_ended) {
+            lone_id_ = 0;
+            lone_fits_.clear();
         }
+        if (back || (run_ended && options_.several_subjects)) changed = restart();
+        if (closed_) return;
+        changed = (options_.several_subjects ? observe_several(time_ns, tracked, ended)
+                                             : observe_lone(time_ns, tracked, ended)) ||
+                  changed;
     }
     if (changed) report(ended);
 }
@@ -234,7 +259,7 @@ void LiveBodyFit::keep(std::uint32_t key, std::int64_t time_ns, const PoseObserv
         std::clamp(seconds_between(*collecting.first_ns, time_ns) / collecting.seconds, 0.0, 1.0);
     if (subject.progress.progress < 1) return;
     subject.stop = std::stop_source();
-    to_fit_.push_back({key, cameras_, std::move(collecting.frames),
+    to_fit_.push_back({key, subject.progress.subject_id, cameras_, std::move(collecting.frames),
                        collecting.requested && !options_.file.empty(), subject.stop.get_token()});
     subject.collecting.reset();
     subject.progress.state = BodyFitState::kFitting;
@@ -326,6 +351,10 @@ void LiveBodyFit::fit(const ToFit& job) {
             progress.progress = 1;
             progress.body = fitted->shape;
             progress.fit = *fitted;
+            if (!options_.several_subjects && !progress.requested) {
+                lone_fits_.insert_or_assign(job.subject_id, *fitted);
+                if (lone_fits_.size() > kMaxSubjects) lone_fits_.erase(lone_fits_.begin());  // ids ascend
+            }
             progress.stored_path = job.store && stored.ok() ? options_.file : std::filesystem::path();
             progress.message = fmt::format(
                 "stature {:.2f} m, fitted to {} frame sets, contour residual {:.0f} mm{}",

@@ -43,7 +43,8 @@ struct LiveBodyFitOptions {
     bool automatic = true;  // fits to the first seconds with a subject
     double automatic_duration_s = 6;
     std::filesystem::path file;  // stores bodies fitted on request; empty: does not store
-    // Each subject has a body of its own; otherwise all share one, since a subject who returns has a new id.
+    // Several at once, each with a body of its own. Otherwise a requested body is that of all, and an
+    // automatic one that of its subject: the next person begins with it, until another is fitted.
     bool several_subjects = false;
     BodyFitOptions fit;
 };
@@ -97,6 +98,7 @@ class LiveBodyFit {
     using Cameras = std::shared_ptr<const std::vector<Camera>>;  // the frames point into them
     struct ToFit {
         std::uint32_t key = 0;  // of the subject in subjects_
+        std::uint32_t subject_id = 0;
         Cameras cameras;
         Frames frames;
         bool store = false;
@@ -128,6 +130,8 @@ class LiveBodyFit {
     Subject& subject_of(std::uint32_t key);
     bool observe_one(std::uint32_t key, std::int64_t time_ns, const PoseObservation* seen, Ended& ended);
     bool observe_several(std::int64_t time_ns, std::span<const Seen> tracked, Ended& ended);
+    bool observe_lone(std::int64_t time_ns, std::span<const Seen> tracked, Ended& ended);
+    bool change_lone(std::uint32_t id);
     bool observe_gone(std::int64_t time_ns, std::span<const Seen> tracked, Ended& ended);
     bool is_reported(std::uint32_t key, const Subject& subject) const;
 
@@ -145,6 +149,10 @@ class LiveBodyFit {
     Cameras cameras_;
     // By id. 0 is always there: the only one of several_subjects = false, else the next to appear.
     std::map<std::uint32_t, Subject> subjects_;
+    // Without several_subjects: who was tracked last, and the automatic fits of those seen in this run, by
+    // id.
+    std::uint32_t lone_id_ = 0;
+    std::map<std::uint32_t, BodyFit> lone_fits_;
     std::deque<ToFit> to_fit_;
     bool closed_ = false, run_ended_ = false;
     std::int64_t last_time_ns_ = 0;

@@ -1,6 +1,7 @@
 #include "server/tools/process/pose_pass.h"
 
 #include <algorithm>
+#include <functional>
 #include <utility>
 
 #include "server/pipeline/pipeline.h"
@@ -8,6 +9,11 @@
 #include "server/pose/retrack.h"
 
 namespace kinevox {
+namespace {
+
+constexpr double kMinOwnBody_s = 2;  // tracked; a body fitted to less is hardly better than another's
+
+}  // namespace
 
 PosePass::PosePass(std::vector<Camera> cameras, double fps, const PipelineOptions& pipeline,
                    const PosePassOptions& options)
@@ -15,14 +21,11 @@ PosePass::PosePass(std::vector<Camera> cameras, double fps, const PipelineOption
       fps_(fps),
       posing_(pipeline.posing),
       options_(options),
-      several_(pipeline.tracker.whole_scene()),
-      selected_(pipeline.tracker.rules != SubjectRules{}) {
-    if (!several_) subjects_.push_back(std::make_unique<Subject>());
-}
+      lone_(!pipeline.tracker.whole_scene()),
+      selected_(pipeline.tracker.rules != SubjectRules{}) {}
 PosePass::~PosePass() = default;
 
 PosePass::Subject& PosePass::subject_of(std::uint32_t id) {
-    if (!several_) return *subjects_.front();
     for (const auto& subject : subjects_)
         if (subject->id == id) return *subject;
     Subject& added = *subjects_.emplace_back(std::make_unique<Subject>());
@@ -67,10 +70,17 @@ std::optional<BodyFit> PosePass::fit_to_movement(const Subject& subject) const {
     return fit.ok() ? std::optional(*std::move(fit)) : std::nullopt;
 }
 
+bool PosePass::is_brief(const Subject& subject) const {
+    return static_cast<double>(subject.seen_count) < kMinOwnBody_s * fps_;
+}
+
 // Fits the body, tracks the held frame sets with it, and sets it in the pipeline for the following ones.
 void PosePass::fit_and_retrack(Subject& subject, Pipeline& pipeline) const {
     subject.retracked = true;
-    subject.fit = fit_to_movement(subject);
+    const Subject* const most = main();
+    const bool shares_body = lone_ && &subject != most;
+    if (!shares_body || !is_brief(subject)) subject.fit = fit_to_movement(subject);
+    if (shares_body && !subject.fit) subject.fit = most->fit;
     if (!options_.fit_body)
         subject.body = posing_.body;
     else if (subject.fit)
@@ -89,8 +99,8 @@ void PosePass::fit_and_retrack(Subject& subject, Pipeline& pipeline) const {
         subject.frames[n].row.pose = std::move(again[n].pose);
         subject.frames[n].observation.reset();
     }
-    PoseStage* const stage = several_ ? pipeline.pose_stage_of(subject.id) : pipeline.pose_stage();
-    if (stage) stage->set_body(*subject.body, standing_m);
+    if (PoseStage* const stage = pipeline.pose_stage_of(subject.id))
+        stage->set_body(*subject.body, standing_m);
 }
 
 // One for each of its frames.
@@ -115,11 +125,13 @@ std::vector<PoseRow> PosePass::rows_of(const Subject& subject) const {
 }
 
 std::vector<PoseRow> PosePass::finish(Pipeline& pipeline) {
-    std::vector<std::vector<PoseRow>> each;
-    for (const auto& subject : subjects_) {
+    std::vector<Subject*> by_duration;
+    for (const auto& subject : subjects_) by_duration.push_back(subject.get());
+    std::ranges::stable_sort(by_duration, std::ranges::greater{}, &Subject::seen_count);
+    for (Subject* const subject : by_duration)
         if (!subject->retracked) fit_and_retrack(*subject, pipeline);
-        each.push_back(rows_of(*subject));
-    }
+    std::vector<std::vector<PoseRow>> each;
+    for (const auto& subject : subjects_) each.push_back(rows_of(*subject));
     std::vector<PoseRow> rows;
     for (std::size_t frame = 0; frame < all_.size(); ++frame) {
         const std::size_t before = rows.size();
@@ -144,6 +156,7 @@ const BodyShape* PosePass::body() const {
 }
 
 std::vector<std::uint32_t> PosePass::followed_subjects() const {
+    if (lone_) return {0};
     std::vector<std::uint32_t> ids;
     for (const auto& subject : subjects_)
         if (10 * subject->seen_count >= all_.size()) ids.push_back(subject->id);
@@ -152,7 +165,7 @@ std::vector<std::uint32_t> PosePass::followed_subjects() const {
 }
 
 const PosePass::Subject* PosePass::find(std::uint32_t id) const {
-    if (!several_) return subjects_.front().get();
+    if (id == 0) return main();
     const auto found = std::ranges::find_if(subjects_, [id](const auto& each) { return each->id == id; });
     return found == subjects_.end() ? nullptr : found->get();
 }

@@ -36,8 +36,8 @@ struct PosePassOptions {
 
 class PosePass {
   public:
-    // Where the pipeline follows several subjects, each has a body of its own; else all tracked subjects are
-    // one person.
+    // Each subject has a body of its own. Where the pipeline follows a lone one, who is there too briefly for
+    // a body has that of the subject seen in most frames: it may be the same person, not recognised.
     PosePass(std::vector<Camera> cameras, double fps, const PipelineOptions& pipeline,
              const PosePassOptions& options);
     ~PosePass();
@@ -49,12 +49,12 @@ class PosePass {
     // Of the subject; null before finish() or if no subject was found. With several, of the one that was
     // seen in most frames.
     const BodyShape* body() const;
-    // Of the subject with this id, 0: the only one; null: none.
+    // Of the subject with this id, 0: as body(); null: none.
     const BodyShape* body_of(std::uint32_t subject_id) const;
     // The body was given, not fitted; then it is also fitted to the movement, to compare.
     bool body_given() const { return !options_.fit_body; }
     const BodyFit* fit_of(std::uint32_t subject_id) const;
-    // Those seen in a tenth of the frames or more, else the one seen in most. 0: the only one, by any id.
+    // Those seen in a tenth of the frames or more, else the one seen in most. 0: a lone one, by any id.
     std::vector<std::uint32_t> followed_subjects() const;
     // Whether rules exclude other people.
     bool subjects_selected() const { return selected_; }
@@ -66,7 +66,7 @@ class PosePass {
         std::unique_ptr<PoseObservation> observation;
     };
     struct Subject {
-        std::uint32_t id = 0;       // 0: all tracked subjects
+        std::uint32_t id = 0;
         std::size_t first = 0;      // frame
         std::vector<Frame> frames;  // from `first` on
         bool retracked = false;     // the held frame sets were
@@ -77,6 +77,7 @@ class PosePass {
     Subject& subject_of(std::uint32_t id);
     const Subject* find(std::uint32_t id) const;
     const Subject* main() const;  // null before the first
+    bool is_brief(const Subject& subject) const;
     void fit_and_retrack(Subject& subject, Pipeline& pipeline) const;
     std::optional<BodyFit> fit_to_movement(const Subject& subject) const;
     std::vector<PoseRow> rows_of(const Subject& subject) const;
@@ -85,7 +86,7 @@ class PosePass {
     double fps_;
     PoseStageOptions posing_;
     PosePassOptions options_;
-    bool several_, selected_;
+    bool lone_, selected_;
     std::vector<PoseRow> all_;  // per frame, without subject
     std::vector<std::unique_ptr<Subject>> subjects_;
 };

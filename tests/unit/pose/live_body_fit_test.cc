@@ -40,12 +40,12 @@ class LiveBodyFitTest : public ::testing::Test {
     }
 
     // The subject in a T-pose, arms moving a little; seconds of capture time.
-    void show(double seconds) {
+    void show(double seconds, std::uint32_t id = 1) {
         for (int n = 0; n < seconds * 10; ++n, time_ns_ += kFrame_ns) {
             BodyCoordinates q = scene_.t_pose();
             q[kDofShoulderL + 1] += radians(n % 7);
             PoseObservation seen{time_ns_, {0, 0, 0.95}, scene_.see(q)};
-            const LiveBodyFit::Seen subject{1, &seen};
+            const LiveBodyFit::Seen subject{id, &seen};
             fit_->observe(time_ns_, {&subject, 1});
         }
     }
@@ -113,6 +113,31 @@ TEST_F(LiveBodyFitTest, StartsAutomaticallyWithSubject) {
     time_ns_ = 0;  // the capture restarts, possibly with another subject
     show(0.5);
     EXPECT_EQ(fit_->progress().front().state, BodyFitState::kCollecting);
+}
+
+TEST_F(LiveBodyFitTest, FitsTheNextPersonsBodyAndRemembersTheLast) {
+    options_.automatic = true;
+    options_.automatic_duration_s = 1;
+    make();
+    show(1.2);
+    const BodyShape first = wait_for(BodyFitState::kReady).body;
+    EXPECT_NEAR(first.stature_m, 1.60, 0.03);
+    show_nobody(1);
+    scene_.model = std::make_shared<BodyModel>(default_body_shape(1.85));
+    show(0.2, 2);
+    EXPECT_EQ(fit_->progress().front().state, BodyFitState::kCollecting);
+    EXPECT_EQ(fit_->body_in_use(2).shape, first) << "until another is fitted";
+    show(1, 2);
+    const BodyFitProgress second = wait_for(BodyFitState::kReady);
+    EXPECT_NEAR(second.body.stature_m, 1.85, 0.04);
+    show(0.1, 1);
+    EXPECT_EQ(fit_->body_in_use(1).shape, first);
+    EXPECT_EQ(fit_->progress().front().state, BodyFitState::kReady);
+    show(0.1, 2);
+    EXPECT_EQ(fit_->body_in_use(2).shape, second.body);
+    fit_->capture_ended();
+    show(0.1, 1);
+    EXPECT_EQ(fit_->body_in_use(1).shape, second.body) << "the ids of another run are of others";
 }
 
 TEST_F(LiveBodyFitTest, RequestPreemptsAutomaticFit) {
