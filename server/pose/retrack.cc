@@ -140,9 +140,10 @@ class Recording {
             starts.push_back(exchanged(*chosen(n), kArmSegments));
             PoseFitter fitter(options_.tracker.fit);
             PoseCost cost(options_.tracker.fit.cost);
-            for (const int forearm : {kForearmL, kForearmR})
-                for (const BodyPosture& start : with_turned_forearm(n, forearm, fitter))
-                    starts.push_back(start);
+            if (!shows_others(n))  // whose silhouettes explain a forearm anywhere
+                for (const int forearm : {kForearmL, kForearmR})
+                    for (const BodyPosture& start : with_turned_forearm(n, forearm, fitter))
+                        starts.push_back(start);
             for (const BodyPosture& start : starts) {
                 const PoseFit fit = fitter.fit(model_, recorded_[n].seen->views, start, nullptr, true);
                 PathCandidate c = without_colours(n, fit.posture, cost);
