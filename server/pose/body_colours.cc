@@ -11,9 +11,8 @@ namespace kinevox {
 namespace {
 
 constexpr double kPriorCells = 200;  // with the colours of the whole subject, in each part's histogram
-constexpr double kCellWeight =
-    0.3;                       // neighbouring cells are correlated; measured with tests/accuracy/sweep.py
-constexpr float kCore = 0.8f;  // of a capsule's radius: its border may show what is behind
+constexpr double kCellWeight = 0.3;  // neighbours are correlated; measured with tests/accuracy/sweep.py
+constexpr float kCore = 0.8f;        // of a capsule's radius: its border may show what is behind
 constexpr std::size_t kMaxSamples = 200'000;  // per camera, for the borders of the bins
 
 // The part of a segment: itself, of the left limbs the right one.

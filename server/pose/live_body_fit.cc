@@ -160,12 +160,12 @@ bool LiveBodyFit::change_lone(std::uint32_t id) {
     if (lone.progress.requested || (lone.collecting && lone.collecting->requested)) return false;
     cancel(0);
     lone.collecting.reset();
-    const auto known = lone_fits_.find(id);
-    if (known != lone_fits_.end()) {
-        lone.progress.fit = known->second;
-        lone.progress.body = known->second.shape;
+    if (const auto known = lone_fits_.find(id); known != lone_fits_.end()) {
+        lone.progress = known->second;
+        lone.attempts_left = 0;
+        return true;
     }
-    lone.attempts_left = known == lone_fits_.end() && options_.automatic ? kAttempts : 0;
+    lone.attempts_left = options_.automatic ? kAttempts : 0;
     lone.progress.state = lone.progress.fit ? BodyFitState::kReady : BodyFitState::kNotStarted;
     lone.progress.progress = lone.progress.fit ? 1 : 0;
     return true;
@@ -259,7 +259,7 @@ void LiveBodyFit::keep(std::uint32_t key, std::int64_t time_ns, const PoseObserv
         std::clamp(seconds_between(*collecting.first_ns, time_ns) / collecting.seconds, 0.0, 1.0);
     if (subject.progress.progress < 1) return;
     subject.stop = std::stop_source();
-    to_fit_.push_back({key, subject.progress.subject_id, cameras_, std::move(collecting.frames),
+    to_fit_.push_back({key, cameras_, std::move(collecting.frames),
                        collecting.requested && !options_.file.empty(), subject.stop.get_token()});
     subject.collecting.reset();
     subject.progress.state = BodyFitState::kFitting;
@@ -351,10 +351,6 @@ void LiveBodyFit::fit(const ToFit& job) {
             progress.progress = 1;
             progress.body = fitted->shape;
             progress.fit = *fitted;
-            if (!options_.several_subjects && !progress.requested) {
-                lone_fits_.insert_or_assign(job.subject_id, *fitted);
-                if (lone_fits_.size() > kMaxSubjects) lone_fits_.erase(lone_fits_.begin());  // ids ascend
-            }
             progress.stored_path = job.store && stored.ok() ? options_.file : std::filesystem::path();
             progress.message = fmt::format(
                 "stature {:.2f} m, fitted to {} frame sets, contour residual {:.0f} mm{}",
@@ -362,6 +358,10 @@ void LiveBodyFit::fit(const ToFit& job) {
                 !job.store    ? ""
                 : stored.ok() ? "; stored in " + options_.file.string()
                               : "; cannot be stored: " + std::string(stored.message()));
+            if (lone_id_ != 0 && !progress.requested) {
+                lone_fits_.insert_or_assign(lone_id_, progress);
+                if (lone_fits_.size() > kMaxSubjects) lone_fits_.erase(lone_fits_.begin());  // ids ascend
+            }
             ended.push_back(progress);
         }
     }

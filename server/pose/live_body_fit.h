@@ -98,7 +98,6 @@ class LiveBodyFit {
     using Cameras = std::shared_ptr<const std::vector<Camera>>;  // the frames point into them
     struct ToFit {
         std::uint32_t key = 0;  // of the subject in subjects_
-        std::uint32_t subject_id = 0;
         Cameras cameras;
         Frames frames;
         bool store = false;
@@ -149,10 +148,9 @@ class LiveBodyFit {
     Cameras cameras_;
     // By id. 0 is always there: the only one of several_subjects = false, else the next to appear.
     std::map<std::uint32_t, Subject> subjects_;
-    // Without several_subjects: who was tracked last, and the automatic fits of those seen in this run, by
-    // id.
+    // Without several_subjects: who was tracked last in this run (0: none yet), and automatic fits by id.
     std::uint32_t lone_id_ = 0;
-    std::map<std::uint32_t, BodyFit> lone_fits_;
+    std::map<std::uint32_t, BodyFitProgress> lone_fits_;
     std::deque<ToFit> to_fit_;
     bool closed_ = false, run_ended_ = false;
     std::int64_t last_time_ns_ = 0;

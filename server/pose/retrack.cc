@@ -36,8 +36,7 @@ constexpr std::size_t kLimbStarts = 3;  // other limbs that are fitted per frame
 
 constexpr std::array<double, 4> kForearmTurns{-1, -0.5, 0.5, 1};  // rad, see forearm_turned()
 constexpr std::size_t kTurnViews = 4;                             // maximum number, evenly spread
-constexpr std::size_t kTurnStarts =
-    4;  // turned forearms that are fitted per frame set, those that match best
+constexpr std::size_t kTurnStarts = 4;  // that are fitted per arm and frame set, those that match best
 
 bool cheaper(const PathCandidate& a, const PathCandidate& b) {
     return a.total() < b.total();

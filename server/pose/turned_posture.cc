@@ -32,6 +32,12 @@ Mat3 limb_rotation(const PosedBody& posed, int upper, int end) {
     return rotation_from_rodrigues(std::numbers::pi * axis);
 }
 
+// parent_from_segment of a segment after a rotation in the world, its parent at rest.
+Mat3 rotated_in_parent(const PosedBody& posed, int segment, const Mat3& rotation) {
+    return posed.world_from_segment[kBodyParent[segment]].rotation.transposed() * rotation *
+           posed.world_from_segment[segment].rotation;
+}
+
 }  // namespace
 
 BodyPosture turned(const BodyModel& model, const BodyPosture& posture) {
@@ -68,8 +74,7 @@ BodyPosture elbow_mirrored(const BodyModel& model, const BodyPosture& posture, i
     const int hand = upper_arm == kUpperArmL ? kHandL : kHandR;
     BodyPosture out = posture;
     out.parent_from_segment[upper_arm] =
-        posed.world_from_segment[kBodyParent[upper_arm]].rotation.transposed() *
-        limb_rotation(posed, upper_arm, hand) * posed.world_from_segment[upper_arm].rotation;
+        rotated_in_parent(posed, upper_arm, limb_rotation(posed, upper_arm, hand));
     out.parent_from_segment[hand] = Mat3{};
     return out;
 }
@@ -96,8 +101,7 @@ std::optional<BodyPosture> forearm_turned(const BodyModel& model, const BodyPost
                wanted = across(to);
     const double twist = std::atan2(dot(cross(bent, wanted), axis), dot(bent, wanted));
     out.parent_from_segment[upper_arm] =
-        posed.world_from_segment[kBodyParent[upper_arm]].rotation.transposed() *
-        rotation_from_rodrigues(twist * axis) * posed.world_from_segment[upper_arm].rotation;
+        rotated_in_parent(posed, upper_arm, rotation_from_rodrigues(twist * axis));
     return out;
 }
 

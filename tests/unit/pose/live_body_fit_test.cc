@@ -133,11 +133,24 @@ TEST_F(LiveBodyFitTest, FitsTheNextPersonsBodyAndRemembersTheLast) {
     show(0.1, 1);
     EXPECT_EQ(fit_->body_in_use(1).shape, first);
     EXPECT_EQ(fit_->progress().front().state, BodyFitState::kReady);
+    EXPECT_THAT(fit_->progress().front().message, HasSubstr("stature 1.6"));
     show(0.1, 2);
     EXPECT_EQ(fit_->body_in_use(2).shape, second.body);
     fit_->capture_ended();
     show(0.1, 1);
     EXPECT_EQ(fit_->body_in_use(1).shape, second.body) << "the ids of another run are of others";
+}
+
+TEST_F(LiveBodyFitTest, DoesNotTakeTheNextRunsSubjectForTheOneThatWasFitted) {
+    options_.automatic = true;
+    options_.automatic_duration_s = 1;
+    make();
+    show(1.2);
+    fit_->capture_ended();
+    show_nobody(0.2);
+    wait_for(BodyFitState::kReady);
+    show(0.2, 1);
+    EXPECT_EQ(fit_->progress().front().state, BodyFitState::kCollecting);
 }
 
 TEST_F(LiveBodyFitTest, RequestPreemptsAutomaticFit) {
