@@ -5,6 +5,8 @@
 #include <limits>
 #include <string_view>
 
+#include "common/body_pose.h"
+
 namespace kinevox {
 namespace {
 

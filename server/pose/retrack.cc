@@ -150,7 +150,7 @@ class Recording {
                     is_worse(c, found[n]))
                     continue;
                 c.colour_cost = colours_.cost(recorded_[n].seen->views, cost.capsules());
-                found[n].push_back(std::move(c));
+                found[n].push_back(c);
             }
         });
         for (std::size_t n = 0; n < frames_.size(); ++n)
