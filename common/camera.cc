@@ -6,7 +6,18 @@
 namespace kinevox {
 namespace {
 
-// Distortion of normalised image coordinates, and its Jacobian d(distorted) / d(undistorted).
+double radial_factor(const Camera& c, double r2) {
+    return 1 + r2 * (c.k1 + r2 * (c.k2 + r2 * c.k3));
+}
+
+// Distortion of normalised image coordinates.
+Vec2 distorted_point(const Camera& c, Vec2 p) {
+    const double x = p.x, y = p.y, r2 = x * x + y * y, radial = radial_factor(c, r2);
+    return {x * radial + 2 * c.p1 * x * y + c.p2 * (r2 + 2 * x * x),
+            y * radial + c.p1 * (r2 + 2 * y * y) + 2 * c.p2 * x * y};
+}
+
+// The same, and its Jacobian d(distorted) / d(undistorted).
 struct Distorted {
     Vec2 point;
     double dx_dx, dx_dy, dy_dx, dy_dy;
@@ -15,11 +26,10 @@ struct Distorted {
 Distorted distort(const Camera& c, Vec2 p) {
     const double x = p.x, y = p.y;
     const double r2 = x * x + y * y;
-    const double radial = 1 + r2 * (c.k1 + r2 * (c.k2 + r2 * c.k3));
+    const double radial = radial_factor(c, r2);
     const double radial_by_r2 = c.k1 + r2 * (2 * c.k2 + r2 * 3 * c.k3);
     Distorted d;
-    d.point.x = x * radial + 2 * c.p1 * x * y + c.p2 * (r2 + 2 * x * x);
-    d.point.y = y * radial + c.p1 * (r2 + 2 * y * y) + 2 * c.p2 * x * y;
+    d.point = distorted_point(c, p);
     d.dx_dx = radial + 2 * x * x * radial_by_r2 + 2 * c.p1 * y + 6 * c.p2 * x;
     d.dx_dy = 2 * x * y * radial_by_r2 + 2 * c.p1 * x + 2 * c.p2 * y;
     d.dy_dx = d.dx_dy;
@@ -62,12 +72,15 @@ Vec2 undistort(const Camera& c, Vec2 distorted) {
 
 }  // namespace
 
+Vec2 Camera::project_in_camera(Vec3 p) const {
+    const Vec2 distorted = distorted_point(*this, {p.x / p.z, p.y / p.z});
+    return {fx * distorted.x + cx, fy * distorted.y + cy};
+}
+
 std::optional<Vec2> Camera::project(Vec3 point_in_world) const {
     const Vec3 point_in_camera = camera_from_world * point_in_world;
     if (!(point_in_camera.z > 0)) return std::nullopt;
-    const Vec2 p =
-        distort(*this, {point_in_camera.x / point_in_camera.z, point_in_camera.y / point_in_camera.z}).point;
-    return Vec2{fx * p.x + cx, fy * p.y + cy};
+    return project_in_camera(point_in_camera);
 }
 
 Ray Camera::ray_through(Vec2 pixel) const {

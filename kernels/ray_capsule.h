@@ -25,4 +25,16 @@ inline constexpr float kWrongSide_m = 1e3f;
 void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, float* distance_m,
                       int* nearest);
 
+// Where rays touch capsules; arrays with an element per ray.
+struct RayTouches {
+    double* distance_m = nullptr;  // signed, negative: the ray goes through the capsule
+    double* along = nullptr;       // on the capsule's axis, from a (0) to b (1)
+    double* gradient[3] = {};      // d distance / d point there, length 1; 0: the ray meets the axis
+};
+
+// The exact distance of each ray to the capsule which[ray]. If a thin one's axis is outside the border, that
+// to its other side. A negative `which` is as 0; `origin` is more exact than that of `rays`.
+void touch_capsules(const RayBundle& rays, const double* origin, std::span<const TaperedCapsule> capsules,
+                    const int* which, const RayTouches& out);
+
 }  // namespace kinevox::kernels

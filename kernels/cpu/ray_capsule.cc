@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <stdexcept>
 #include <string>
 
 #include "kernels/cpu/dispatch.h"
+#include "kernels/ray_touch.h"
 
 // Plain loops over a block of rays, which the compiler vectorises for each family that Highway chooses from.
 #ifdef KINEVOX_HAVE_HIGHWAY
@@ -113,6 +115,34 @@ void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> cap
     }
 }
 
+void touch_capsules(const RayBundle& rays, const double* from, std::span<const TaperedCapsule> capsules,
+                    const int* which, const RayTouches& out) {
+    const double origin[3] = {from[0], from[1], from[2]};
+    float ends[8][kMaxCapsules];
+    for (std::size_t k = 0; k < capsules.size(); ++k) {
+        for (int axis = 0; axis < 3; ++axis)
+            ends[axis][k] = capsules[k].a[axis], ends[4 + axis][k] = capsules[k].b[axis];
+        ends[3][k] = capsules[k].radius_a, ends[7][k] = capsules[k].radius_b;
+    }
+    const float *const dx = rays.direction[0], *const dy = rays.direction[1], *const dz = rays.direction[2];
+    const float *const nx = rays.outward[0], *const ny = rays.outward[1], *const nz = rays.outward[2];
+    double *const gx = out.gradient[0], *const gy = out.gradient[1], *const gz = out.gradient[2];
+    double *const distance = out.distance_m, *const along = out.along;
+#pragma GCC ivdep
+    for (int i = 0; i < rays.count; ++i) {
+        const std::int32_t k = std::max(which[i], 0);
+        const double a[3] = {ends[0][k] - origin[0], ends[1][k] - origin[1], ends[2][k] - origin[2]};
+        const double e[3] = {static_cast<double>(ends[4][k]) - ends[0][k],
+                             static_cast<double>(ends[5][k]) - ends[1][k],
+                             static_cast<double>(ends[6][k]) - ends[2][k]};
+        const double direction[3] = {dx[i], dy[i], dz[i]}, outward[3] = {nx[i], ny[i], nz[i]};
+        const RayTouch touch = touch_capsule(direction, outward, a, e, ends[3][k], ends[7][k]);
+        gx[i] = touch.gradient[0], gy[i] = touch.gradient[1], gz[i] = touch.gradient[2];
+        distance[i] = touch.distance_m;
+        along[i] = touch.along;
+    }
+}
+
 }  // namespace kinevox::kernels::HWY_NAMESPACE
 
 #ifdef KINEVOX_HAVE_HIGHWAY
@@ -123,13 +153,28 @@ HWY_AFTER_NAMESPACE();
 namespace kinevox::kernels {
 
 KINEVOX_EXPORT(nearest_capsules);
+KINEVOX_EXPORT(touch_capsules);
+
+namespace {
+
+void check_count(std::span<const TaperedCapsule> capsules) {
+    if (capsules.size() > kMaxCapsules)
+        throw std::invalid_argument("rays and capsules: " + std::to_string(capsules.size()) +
+                                    " capsules; at most " + std::to_string(kMaxCapsules));
+}
+
+}  // namespace
 
 void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, float* distance_m,
                       int* nearest) {
-    if (capsules.size() > kMaxCapsules)
-        throw std::invalid_argument("nearest capsules: " + std::to_string(capsules.size()) +
-                                    " capsules; at most " + std::to_string(kMaxCapsules));
+    check_count(capsules);
     KINEVOX_DISPATCH(nearest_capsules)(rays, capsules, distance_m, nearest);
+}
+
+void touch_capsules(const RayBundle& rays, const double* origin, std::span<const TaperedCapsule> capsules,
+                    const int* which, const RayTouches& out) {
+    check_count(capsules);
+    KINEVOX_DISPATCH(touch_capsules)(rays, origin, capsules, which, out);
 }
 
 }  // namespace kinevox::kernels

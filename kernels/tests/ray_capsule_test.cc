@@ -128,5 +128,53 @@ TEST(NearestCapsules, AreNoneWithoutBody) {
                  std::invalid_argument);
 }
 
+// Each surface lies where the distance says: from there the ray passes at the radius.
+TEST(TouchCapsules, FindThePointOfEachRaysOwnCapsule) {
+    constexpr int kRays = 205;  // no whole number of vectors
+    std::mt19937 random(13);
+    const float origin[3] = {4, -3, 1.5f};
+    const double exact[3] = {origin[0], origin[1], origin[2]};
+    const auto body = some_body(random, 30);
+    const Rays rays = rays_at(body, origin, kRays, random);
+    std::vector<int> which(kRays);
+    for (int n = 0; n < kRays; ++n) which[n] = n * 30 / kRays;  // as rays_at() aims
+    std::vector<double> distance(kRays), along(kRays), gradient[3];
+    for (auto& g : gradient) g.resize(kRays);
+    touch_capsules(
+        rays.bundle(origin), exact, body, which.data(),
+        {distance.data(), along.data(), {gradient[0].data(), gradient[1].data(), gradient[2].data()}});
+    int beside = 0, through = 0, across = 0;
+    for (int n = 0; n < kRays; ++n) {
+        const TaperedCapsule& c = body[which[n]];
+        double from_ray[3], depth = 0, length2 = 0, dot = 0;
+        for (int k = 0; k < 3; ++k) {
+            from_ray[k] = (1 - along[n]) * c.a[k] + along[n] * c.b[k] - origin[k];
+            depth += from_ray[k] * rays.direction[k][n];
+        }
+        for (int k = 0; k < 3; ++k) {
+            from_ray[k] -= depth * rays.direction[k][n];
+            length2 += from_ray[k] * from_ray[k], dot += from_ray[k] * gradient[k][n];
+        }
+        const double length = std::sqrt(length2),
+                     radius = (1 - along[n]) * c.radius_a + along[n] * c.radius_b;
+        // To the other side of a thin capsule beyond the border, as if the axis were nearer by both radii.
+        const double side = dot < 0 ? -1 : 1;
+        EXPECT_NEAR(dot, side * length, 1e-6) << n;
+        EXPECT_NEAR(distance[n], side * length - radius, 1e-6) << n;
+        if (side < 0) {
+            EXPECT_LT(length + radius, 0.09 + 1e-6) << n;
+            ++across;
+        } else {
+            ++(distance[n] < 0 ? through : beside);
+        }
+    }
+    EXPECT_GT(beside, 20);
+    EXPECT_GT(through, 20);
+    EXPECT_GT(across, 1);
+    EXPECT_THROW(
+        touch_capsules(rays.bundle(origin), exact, some_body(random, kMaxCapsules + 1), which.data(), {}),
+        std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace kinevox::kernels

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "common/geometry.h"
-#include "server/pose/ray_capsule.h"
+#include "kernels/outside_silhouette.h"
 
 namespace kinevox {
 namespace {
@@ -34,6 +34,20 @@ constexpr double kFloorSlack_m = 0.005, kStandingStd_m = 0.01;
 // extension = rest - share * mean hip flexion, of the joints in the studio sequences of tests/accuracy.
 // Silhouettes hardly determine how the trunk's lean divides between pelvis and spine.
 constexpr double kLumbarRest = -11 * kDegree, kLumbarPerHip = 0.2, kLumbarStd = 8 * kDegree;
+
+constexpr std::array<double, 3> kBalls{0.15, 0.5, 0.85};  // along each capsule, for the inside terms
+constexpr double kMinDepth_m = 0.2;
+
+kernels::PinholeView pinhole_view(const Camera& c) {
+    kernels::PinholeView view;
+    std::copy(c.camera_from_world.rotation.m.begin(), c.camera_from_world.rotation.m.end(), view.rotation);
+    const Vec3& t = c.camera_from_world.translation;
+    view.translation[0] = t.x, view.translation[1] = t.y, view.translation[2] = t.z;
+    view.fx = c.fx, view.fy = c.fy, view.cx = c.cx, view.cy = c.cy;
+    view.k1 = c.k1, view.k2 = c.k2, view.p1 = c.p1, view.p2 = c.p2, view.k3 = c.k3;
+    view.width = c.width, view.height = c.height;
+    return view;
+}
 
 bool kept_apart(int limb, int other) {
     switch (limb) {
@@ -143,29 +157,24 @@ StandingFoot lower_foot(std::span<const BodyCapsule> capsules) {
 }
 
 // Geman & McClure's kernel: r^2 / (1 + r^2 / s^2).
-void PoseCost::add_term(SurfaceTerm term, double std_m, double robust_m, double weight) {
+void PoseCost::add_term(const SurfaceTerm& term, double std_m, double robust_m, double weight) {
     const double w = weight / (std_m * std_m);
     const double share = 1 / (1 + term.residual * term.residual / (robust_m * robust_m));
     cost_ += 0.5 * w * term.residual * term.residual * share;
-    term.weight = w * share * share;
     terms_.push_back(term);
+    terms_.back().weight = w * share * share;
 }
 
 void PoseCost::contour_terms(int camera, const SilhouetteRays& view, double robust_m) {
-    nearest_capsules(view.contour, capsules_, best_rank_, best_capsule_);
+    nearest_.find(view.contour, capsules_);
     for (std::size_t i = 0; i < view.contour.size(); ++i) {
-        if (best_capsule_[i] < 0) continue;
-        const BodyCapsule& capsule = capsules_[best_capsule_[i]];
-        const Vec3 direction{view.contour.direction[0][i], view.contour.direction[1][i],
-                             view.contour.direction[2][i]};
-        const Vec3 outward{view.contour.outward[0][i], view.contour.outward[1][i],
-                           view.contour.outward[2][i]};
-        const RayTouch touch = touch_ray(view.contour.origin_in_world, direction, outward, capsule);
+        if (nearest_.capsule(i) < 0) continue;
+        const RayTouch touch = nearest_.touch(i);
         if (!touch.usable) continue;
         SurfaceTerm term;
         term.camera = camera;
         term.ray = static_cast<int>(i);
-        term.capsule = best_capsule_[i];
+        term.capsule = nearest_.capsule(i);
         term.along = touch.along;
         term.point_in_world = touch.point;
         term.gradient = touch.gradient;
@@ -175,22 +184,37 @@ void PoseCost::contour_terms(int camera, const SilhouetteRays& view, double robu
     }
 }
 
+void PoseCost::list_balls() {
+    const std::size_t count = capsules_.size() * kBalls.size();
+    for (auto& values : balls_) values.resize(count);
+    for (auto& values : outside_) values.resize(count);
+    std::size_t n = 0;
+    for (const BodyCapsule& c : capsules_)
+        for (const double along : kBalls) {
+            const Vec3 p = (1 - along) * point(c.a) + along * point(c.b);
+            balls_[0][n] = p.x, balls_[1][n] = p.y, balls_[2][n] = p.z;
+            balls_[3][n++] = (1 - along) * c.radius_a + along * c.radius_b;
+        }
+}
+
 void PoseCost::inside_terms(int camera, const SilhouetteRays& view, double robust_m) {
     const Camera& c = *view.camera;
+    kernels::measure_outside(pinhole_view(c), view.distance.map(),
+                             {{balls_[0].data(), balls_[1].data(), balls_[2].data()},
+                              balls_[3].data(),
+                              static_cast<int>(balls_[3].size())},
+                             kMinDepth_m,
+                             {outside_[0].data(),
+                              {outside_[1].data(), outside_[2].data(), outside_[3].data()},
+                              {outside_[4].data(), outside_[5].data()}});
     for (std::size_t k = 0; k < capsules_.size(); ++k) {
-        const BodyCapsule& capsule = capsules_[k];
-        for (const double along : {0.15, 0.5, 0.85}) {
-            const Vec3 p = (1 - along) * point(capsule.a) + along * point(capsule.b);
-            const double radius = (1 - along) * capsule.radius_a + along * capsule.radius_b;
-            const Vec3 in_camera = c.camera_from_world * p;
-            if (!(in_camera.z > 0.2)) continue;
-            const std::optional<Vec2> pixel = c.project(p);
-            double depth_px;
-            Vec2 slope;
-            if (!pixel || !view.distance.at(*pixel, depth_px, slope)) continue;
-            const double m_per_px = 2 * in_camera.z / (c.fx + c.fy);
-            const double out = radius - depth_px * m_per_px;
+        for (std::size_t ball = 0; ball < kBalls.size(); ++ball) {
+            const std::size_t n = k * kBalls.size() + ball;
+            const double out = outside_[0][n];
             if (out <= 0) continue;
+            const Vec3 in_camera{outside_[1][n], outside_[2][n], outside_[3][n]};
+            const Vec2 slope{outside_[4][n], outside_[5][n]};
+            const double m_per_px = 2 * in_camera.z / (c.fx + c.fy);
             // d pixel / d point, neglecting distortion and movement along the depth.
             const Vec3 in_plane{slope.x * c.fx / in_camera.z * m_per_px,
                                 slope.y * c.fy / in_camera.z * m_per_px, 0};
@@ -199,8 +223,8 @@ void PoseCost::inside_terms(int camera, const SilhouetteRays& view, double robus
             SurfaceTerm term;
             term.camera = camera;
             term.capsule = static_cast<int>(k);
-            term.along = along;
-            term.point_in_world = p;
+            term.along = kBalls[ball];
+            term.point_in_world = {balls_[0][n], balls_[1][n], balls_[2][n]};
             term.gradient = -(c.camera_from_world.rotation.transposed() * g);
             term.radius_gradient = 1;
             term.residual = out;
@@ -322,6 +346,7 @@ void PoseCost::linearise(const BodyModel& model, const BodyPosture& posture,
     model.capsules(posed_, capsules_);
     terms_.clear();
     cost_ = 0;
+    list_balls();
     for (std::size_t c = 0; c < views.size(); ++c) {
         if (!views[c].camera) continue;
         contour_terms(static_cast<int>(c), views[c], robust_m);

@@ -11,6 +11,7 @@
 
 #include "server/pose/body_model.h"
 #include "server/pose/pose_options.h"
+#include "server/pose/ray_capsule.h"
 #include "server/pose/silhouette_rays.h"
 
 namespace kinevox {
@@ -63,13 +64,14 @@ class PoseCost {
     const std::vector<BodyCapsule>& capsules() const { return capsules_; }
 
   private:
+    void list_balls();
     void contour_terms(int camera, const SilhouetteRays& view, double robust_m);
     void inside_terms(int camera, const SilhouetteRays& view, double robust_m);
     void floor_terms();
     void standing_terms();
     void add_height_term(std::size_t capsule, bool at_end, double residual, double std_m, double robust_m);
     void separation_terms();
-    void add_term(SurfaceTerm term, double std_m, double robust_m, double weight);
+    void add_term(const SurfaceTerm& term, double std_m, double robust_m, double weight);
     void add_surface_terms(const std::array<DofFrame, kBodyDofCount>& frames, Vec3 root_in_world,
                            Linearisation& out) const;
 
@@ -78,8 +80,9 @@ class PoseCost {
     std::vector<BodyCapsule> capsules_;
     std::vector<SurfaceTerm> terms_;
     double cost_ = 0;
-    std::vector<float> best_rank_;  // per ray
-    std::vector<int> best_capsule_;
+    std::array<std::vector<double>, 4> balls_;    // x, y, z and radius; kBalls.size() per capsule
+    std::array<std::vector<double>, 6> outside_;  // of each ball, see kernels::OutsideList
+    NearestCapsules nearest_;
 };
 
 }  // namespace kinevox

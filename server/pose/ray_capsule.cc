@@ -1,26 +1,13 @@
 #include "server/pose/ray_capsule.h"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 
-#include "kernels/ray_capsule.h"
+#include "kernels/ray_touch.h"
 
 namespace kinevox {
 namespace {
 
-constexpr float kThin_m = 0.09f;  // maximum movement of a capsule across the border
-
-}  // namespace
-
-void nearest_capsules(const ContourRays& rays, std::span<const BodyCapsule> capsules,
-                      std::vector<float>& distance, std::vector<int>& capsule) {
-    std::array<kernels::TaperedCapsule, kernels::kMaxCapsules> plain;
-    const std::size_t count = std::min(capsules.size(), plain.size());
-    for (std::size_t k = 0; k < count; ++k) {
-        const BodyCapsule& c = capsules[k];
-        plain[k] = {{c.a[0], c.a[1], c.a[2]}, {c.b[0], c.b[1], c.b[2]}, c.radius_a, c.radius_b};
-    }
+kernels::RayBundle bundle_of(const ContourRays& rays) {
     kernels::RayBundle bundle;
     bundle.origin[0] = static_cast<float>(rays.origin_in_world.x);
     bundle.origin[1] = static_cast<float>(rays.origin_in_world.y);
@@ -30,34 +17,54 @@ void nearest_capsules(const ContourRays& rays, std::span<const BodyCapsule> caps
         bundle.outward[axis] = rays.outward[axis].data();
     }
     bundle.count = static_cast<int>(rays.size());
+    return bundle;
+}
+
+std::vector<kernels::TaperedCapsule> plain(std::span<const BodyCapsule> capsules) {
+    std::vector<kernels::TaperedCapsule> out;
+    for (const BodyCapsule& c : capsules.first(std::min<std::size_t>(capsules.size(), kernels::kMaxCapsules)))
+        out.push_back({{c.a[0], c.a[1], c.a[2]}, {c.b[0], c.b[1], c.b[2]}, c.radius_a, c.radius_b});
+    return out;
+}
+
+}  // namespace
+
+void nearest_capsules(const ContourRays& rays, std::span<const BodyCapsule> capsules,
+                      std::vector<float>& distance, std::vector<int>& capsule) {
     distance.resize(rays.size());
     capsule.resize(rays.size());
-    kernels::nearest_capsules(bundle, std::span(plain.data(), count), distance.data(), capsule.data());
+    kernels::nearest_capsules(bundle_of(rays), plain(capsules), distance.data(), capsule.data());
 }
 
 RayTouch touch_ray(Vec3 origin, Vec3 direction, Vec3 outward, const BodyCapsule& c) {
-    const Vec3 a{c.a[0], c.a[1], c.a[2]}, e = Vec3{c.b[0], c.b[1], c.b[2]} - a, w = a - origin;
-    const double de = dot(direction, e), da = dot(direction, w), dr = c.radius_b - c.radius_a;
-    const double q2 = dot(e, e) - de * de + 1e-9, q1 = dot(e, w) - de * da, q0 = dot(w, w) - da * da;
-    double t = -q1 / q2;
-    const double h = std::sqrt(std::max(q0 + q1 * t, 0.0));
-    t += dr * h / (q2 * std::sqrt(std::max(1 - dr * dr / q2, 0.05)));
-    RayTouch touch;
-    touch.along = t = std::clamp(t, 0.0, 1.0);
-    touch.point = a + t * e;
-    const Vec3 from_origin = touch.point - origin;
-    const Vec3 from_ray = from_origin - dot(from_origin, direction) * direction;
-    const double length = norm(from_ray), radius = c.radius_a + dr * t;
-    if (length < 1e-9) return touch;
-    touch.usable = true;
-    touch.gradient = from_ray / length;
-    touch.distance = length - radius;
-    const bool beyond = dot(from_ray, outward) > 0;
-    if (beyond && touch.distance < 0 && length + radius < kThin_m) {
-        touch.gradient = -touch.gradient;
-        touch.distance = -length - radius;
-    }
-    return touch;
+    const Vec3 a{c.a[0], c.a[1], c.a[2]}, e = Vec3{c.b[0], c.b[1], c.b[2]} - a, from_origin = a - origin;
+    const double d[3] = {direction.x, direction.y, direction.z}, n[3] = {outward.x, outward.y, outward.z},
+                 start[3] = {from_origin.x, from_origin.y, from_origin.z}, axis[3] = {e.x, e.y, e.z};
+    const kernels::RayTouch touch = kernels::touch_capsule(d, n, start, axis, c.radius_a, c.radius_b);
+    const Vec3 gradient{touch.gradient[0], touch.gradient[1], touch.gradient[2]};
+    return {gradient != Vec3{}, touch.distance_m, touch.along, a + touch.along * e, gradient};
+}
+
+void NearestCapsules::find(const ContourRays& rays, std::span<const BodyCapsule> capsules) {
+    capsules_ = plain(capsules);
+    const kernels::RayBundle bundle = bundle_of(rays);
+    const Vec3& o = rays.origin_in_world;
+    const double origin[3] = {o.x, o.y, o.z};
+    rank_.resize(rays.size());
+    capsule_.resize(rays.size());
+    for (std::vector<double>* values : {&distance_, &along_, &gradient_[0], &gradient_[1], &gradient_[2]})
+        values->resize(rays.size());
+    kernels::nearest_capsules(bundle, capsules_, rank_.data(), capsule_.data());
+    kernels::touch_capsules(
+        bundle, origin, capsules_, capsule_.data(),
+        {distance_.data(), along_.data(), {gradient_[0].data(), gradient_[1].data(), gradient_[2].data()}});
+}
+
+RayTouch NearestCapsules::touch(std::size_t ray) const {
+    const kernels::TaperedCapsule& c = capsules_[capsule_[ray]];
+    const Vec3 a{c.a[0], c.a[1], c.a[2]}, e = Vec3{c.b[0], c.b[1], c.b[2]} - a;
+    const Vec3 gradient{gradient_[0][ray], gradient_[1][ray], gradient_[2][ray]};
+    return {gradient != Vec3{}, distance_[ray], along_[ray], a + along_[ray] * e, gradient};
 }
 
 }  // namespace kinevox

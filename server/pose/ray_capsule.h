@@ -2,9 +2,11 @@
 // point.
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
+#include "kernels/ray_capsule.h"
 #include "server/pose/body_model.h"
 #include "server/pose/silhouette_rays.h"
 
@@ -25,5 +27,20 @@ struct RayTouch {
 
 // Exact for one ray. If a thin capsule's axis is outside the border, the distance is that to the other side.
 RayTouch touch_ray(Vec3 origin, Vec3 direction, Vec3 outward, const BodyCapsule& capsule);
+
+// For each ray the nearest capsule and where the ray touches it. Keeps its memory.
+class NearestCapsules {
+  public:
+    void find(const ContourRays& rays, std::span<const BodyCapsule> capsules);
+    int capsule(std::size_t ray) const { return capsule_[ray]; }  // -1: none
+    RayTouch touch(std::size_t ray) const;                        // of that one
+
+  private:
+    std::vector<kernels::TaperedCapsule> capsules_;
+    std::vector<float> rank_;
+    std::vector<int> capsule_;
+    std::vector<double> distance_, along_;
+    std::array<std::vector<double>, 3> gradient_;
+};
 
 }  // namespace kinevox

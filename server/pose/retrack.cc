@@ -19,7 +19,6 @@
 namespace kinevox {
 namespace {
 
-constexpr int kRounds = 2;  // of new candidates from the neighbours on the path
 constexpr int kSweeps = 2;  // of fits between the neighbours
 constexpr double kMinInterval_s = 1e-3;
 constexpr std::size_t kMaxCandidates = 8;
@@ -435,7 +434,7 @@ class Recording {
 
 std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double fps,
                                     std::span<const RecordedView> frames, const PoseStageOptions& options,
-                                    std::stop_token stop) {
+                                    int rounds, std::stop_token stop) {
     PoseStageOptions unfiltered = options;
     unfiltered.filtered = false;
     unfiltered.tracker.always_search_limbs = true;
@@ -448,7 +447,7 @@ std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double f
     recording.choose();
     recording.learn_colours();
     recording.choose();
-    for (int round = 0; round < kRounds; ++round) {
+    for (int round = 0; round < rounds; ++round) {
         recording.search_around_path();
         recording.choose();
         recording.recombine_limbs();

@@ -19,14 +19,16 @@ struct RetrackedFrame {
     double probability = 0;              // of the posture among all considered, 0..1
 };
 
-// One entry per frame set; subject_id and sequence are copied to the results. Incomplete after `stop`.
+// One entry per frame set; subject_id and sequence are copied to the results.
 struct RecordedView {
     std::uint32_t subject_id = 0;
     std::uint64_t sequence = 0;
     const PoseObservation* seen = nullptr;  // null: no subject
 };
+// Postures around the path are searched `rounds` times. Incomplete after `stop`.
+inline constexpr int kRetrackRounds = 2;
 std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double fps,
                                     std::span<const RecordedView> frames, const PoseStageOptions& options,
-                                    std::stop_token stop = {});
+                                    int rounds = kRetrackRounds, std::stop_token stop = {});
 
 }  // namespace kinevox

@@ -2,14 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <cstring>
+#include <vector>
+
+#include "kernels/distance_map.h"
 
 namespace kinevox {
 namespace {
 
 constexpr int kNormalRadius = 3;  // px; half-width of the window from which the normal is computed
 constexpr int kMapMargin = 8;     // cells around the silhouette's box
-constexpr float kFar = 1e8f;      // squared distance of a cell from which none was found, in cells
 
 struct BorderPoint {
     float x, y;  // px, between the two pixels
@@ -19,15 +21,28 @@ struct BorderPoint {
 void find_border(const std::uint8_t* mask, int width, const kernels::Rect& b, int height,
                  std::vector<BorderPoint>& out) {
     out.clear();
+    std::vector<std::uint8_t> is_border(width);
     for (int y = b.y0; y < b.y1; ++y) {
-        const std::uint8_t* row = mask + static_cast<std::ptrdiff_t>(y) * width;
-        for (int x = b.x0; x < b.x1; ++x) {
-            if (!row[x]) continue;
+        const std::uint8_t* const row = mask + static_cast<std::ptrdiff_t>(y) * width;
+        const std::uint8_t* const above = y > 0 ? row - width : row;
+        const std::uint8_t* const below = y + 1 < height ? row + width : row;
+        const auto is_outside = [](std::uint8_t pixel) { return static_cast<std::uint8_t>(pixel == 0); };
+        for (int x = b.x0; x < b.x1; ++x)
+            is_border[x] =
+                static_cast<std::uint8_t>(row[x] != 0) & (is_outside(above[x]) | is_outside(below[x]));
+        for (int x = std::max(b.x0, 1); x < b.x1; ++x)
+            is_border[x] |= static_cast<std::uint8_t>(row[x] != 0) & is_outside(row[x - 1]);
+        for (int x = b.x0; x < std::min(b.x1, width - 1); ++x)
+            is_border[x] |= static_cast<std::uint8_t>(row[x] != 0) & is_outside(row[x + 1]);
+        const auto* const end = is_border.data() + b.x1;
+        for (const std::uint8_t* at = is_border.data() + b.x0;
+             (at = static_cast<const std::uint8_t*>(std::memchr(at, 1, end - at))); ++at) {
+            const auto x = static_cast<int>(at - is_border.data());
             const auto fx = static_cast<float>(x), fy = static_cast<float>(y);
             if (x > 0 && !row[x - 1]) out.push_back({fx - 0.5f, fy});
             if (x + 1 < width && !row[x + 1]) out.push_back({fx + 0.5f, fy});
-            if (y > 0 && !row[x - width]) out.push_back({fx, fy - 0.5f});
-            if (y + 1 < height && !row[x + width]) out.push_back({fx, fy + 0.5f});
+            if (!above[x]) out.push_back({fx, fy - 0.5f});
+            if (!below[x]) out.push_back({fx, fy + 0.5f});
         }
     }
 }
@@ -47,60 +62,13 @@ Vec2 outward_normal(const std::uint8_t* mask, int width, int height, BorderPoint
     return {sx / length, sy / length};
 }
 
-// Working memory of a distance map.
-struct Scratch {
-    std::vector<float> inside, squared, line, from;
-    std::vector<int> parabola;
-};
-
-// Squared distances to the nearest 0 of the same column, in place; other cells are kFar, as is a column
-// without 0.
-void nearest_in_columns(float* f, int columns, int rows, Scratch& scratch) {
-    std::vector<float>& steps = scratch.line;  // from the last 0
-    for (const bool down : {true, false}) {
-        steps.assign(columns, kFar);
-        for (int n = 0; n < rows; ++n) {
-            float* row = f + static_cast<std::ptrdiff_t>(down ? n : rows - 1 - n) * columns;
-#pragma GCC ivdep
-            for (int c = 0; c < columns; ++c) {
-                steps[c] = row[c] == 0.f ? 0.f : steps[c] + 1.f;
-                row[c] = std::min(row[c], steps[c] * steps[c]);
-            }
-        }
-    }
-}
-
-// Squared Euclidean distances along one row, in place (Felzenszwalb & Huttenlocher 2012).
-void transform_row(float* f, int n, Scratch& scratch) {
-    std::vector<float>&line = scratch.line, &z = scratch.from;
-    std::vector<int>& v = scratch.parabola;
-    line.assign(f, f + n), v.resize(n), z.resize(n + 1);
-    int k = 0;
-    v[0] = 0;
-    z[0] = -std::numeric_limits<float>::infinity(), z[1] = std::numeric_limits<float>::infinity();
-    for (int q = 1; q < n; ++q) {
-        float s;
-        while (true) {
-            const int p = v[k];
-            s = ((line[q] + static_cast<float>(q) * q) - (line[p] + static_cast<float>(p) * p)) /
-                (2.f * (q - p));
-            if (s > z[k] || k == 0) break;
-            --k;
-        }
-        if (s <= z[k]) {
-            v[k] = q;
-        } else {
-            v[++k] = q;
-            z[k] = s;
-        }
-        z[k + 1] = std::numeric_limits<float>::infinity();
-    }
-    k = 0;
-    for (int q = 0; q < n; ++q) {
-        while (z[k + 1] < static_cast<float>(q)) ++k;
-        const auto d = static_cast<float>(q - v[k]);
-        f[q] = d * d + line[v[k]];
-    }
+// Numbers of the pixels of a row of cells that are not 0, added to `count`.
+void count_pixels(const std::uint8_t* pixels, int columns, int cell, int* count) {
+    if (cell == 1)
+        for (int c = 0; c < columns; ++c) count[c] += pixels[c] != 0;
+    else
+        for (int c = 0; c < columns; ++c)
+            for (int x = 0; x < cell; ++x) count[c] += pixels[c * cell + x] != 0;
 }
 
 }  // namespace
@@ -115,40 +83,32 @@ void SilhouetteDistance::build(const std::uint8_t* mask, const std::uint8_t* als
     columns_ = std::max(1, (x1 - x0_) / cell_), rows_ = std::max(1, (y1 - y0_) / cell_);
     const std::size_t cells = static_cast<std::size_t>(columns_) * rows_;
     distance_.resize(cells);
-    // A cell is inside if half of it is.
-    thread_local Scratch scratch;
-    std::vector<float>&inside = scratch.inside, &squared = scratch.squared;
-    inside.resize(cells);
     shared_.assign(also ? cells : 0, 0);
-    for (int r = 0; r < rows_; ++r)
-        for (int c = 0; c < columns_; ++c) {
-            int set = 0, shared = 0;
-            for (int y = 0; y < cell_; ++y) {
-                const std::ptrdiff_t at =
-                    static_cast<std::ptrdiff_t>(y0_ + r * cell_ + y) * width + x0_ + c * cell_;
-                for (int x = 0; x < cell_; ++x) {
-                    const bool in_also = also && also[at + x] != 0;
-                    set += mask[at + x] != 0 || in_also;
-                    shared += in_also;
-                }
+    // A cell is inside if half of it is.
+    thread_local std::vector<std::uint8_t> inside, either;
+    thread_local std::vector<int> set, shared;
+    inside.resize(cells);
+    either.resize(static_cast<std::size_t>(columns_) * cell_);
+    for (int r = 0; r < rows_; ++r) {
+        set.assign(columns_, 0);
+        shared.assign(columns_, 0);
+        for (int y = 0; y < cell_; ++y) {
+            const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y0_ + r * cell_ + y) * width + x0_;
+            const std::uint8_t* pixels = mask + at;
+            if (also) {
+                count_pixels(also + at, columns_, cell_, shared.data());
+                for (std::size_t x = 0; x < either.size(); ++x) either[x] = pixels[x] | also[at + x];
+                pixels = either.data();
             }
-            const std::size_t cell = static_cast<std::size_t>(r) * columns_ + c;
-            inside[cell] = 2 * set >= cell_ * cell_ ? 1.f : 0.f;
-            if (also) shared_[cell] = 2 * shared > cell_ * cell_;
+            count_pixels(pixels, columns_, cell_, set.data());
         }
-    for (const bool to_inside : {true, false}) {
-        squared.resize(cells);
-        for (std::size_t k = 0; k < cells; ++k) squared[k] = (inside[k] > 0) == to_inside ? 0.f : kFar;
-        nearest_in_columns(squared.data(), columns_, rows_, scratch);
-        for (int r = 0; r < rows_; ++r)
-            transform_row(squared.data() + static_cast<std::ptrdiff_t>(r) * columns_, columns_, scratch);
-        for (std::size_t k = 0; k < cells; ++k) {
-            if ((inside[k] > 0) == to_inside) continue;
-            // The border is half a cell before the nearest cell of the other kind.
-            const float d = (std::sqrt(squared[k]) - 0.5f) * static_cast<float>(cell_);
-            distance_[k] = to_inside ? -d : d;
-        }
+        const std::size_t first = static_cast<std::size_t>(r) * columns_;
+        for (int c = 0; c < columns_; ++c) inside[first + c] = 2 * set[c] >= cell_ * cell_;
+        if (also)
+            for (int c = 0; c < columns_; ++c) shared_[first + c] = 2 * shared[c] > cell_ * cell_;
     }
+    kernels::signed_distances(inside.data(), columns_, rows_, distance_.data());
+    for (float& d : distance_) d *= static_cast<float>(cell_);
 }
 
 bool SilhouetteDistance::at(Vec2 p, double& distance, Vec2& gradient) const {
@@ -169,12 +129,16 @@ bool SilhouetteDistance::at(Vec2 p, double& distance, Vec2& gradient) const {
     distance = (1 - v) * ((1 - u) * d00 + u * d10) + v * ((1 - u) * d01 + u * d11);
     gradient = {((1 - v) * (d10 - d00) + v * (d11 - d01)) / cell_,
                 ((1 - u) * (d01 - d00) + u * (d11 - d10)) / cell_};
-    const double ox = (gx - cx) * cell_, oy = (gy - cy) * cell_, out = std::hypot(ox, oy);
-    if (out > 0) {
+    if (gx != cx || gy != cy) {
+        const double ox = (gx - cx) * cell_, oy = (gy - cy) * cell_, out = std::hypot(ox, oy);
         distance -= out;
         gradient = {gradient.x - ox / out, gradient.y - oy / out};
     }
     return true;
+}
+
+kernels::DistanceMapView SilhouetteDistance::map() const {
+    return {distance_.empty() ? nullptr : distance_.data(), columns_, rows_, cell_, x0_, y0_};
 }
 
 bool SilhouetteDistance::is_shared(Vec2 p) const {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/camera.h"
+#include "kernels/outside_silhouette.h"
 #include "kernels/segmentation.h"
 #include "server/pose/pose_candidate.h"
 #include "server/pose/pose_options.h"
@@ -32,6 +33,8 @@ class SilhouetteDistance {
     // Bilinear, with its gradient; outside the map, minus the distance to the map. False: outside the image,
     // or no silhouette.
     bool at(Vec2 pixel, double& distance_px, Vec2& gradient) const;
+    // The map itself, without what lies outside it.
+    kernels::DistanceMapView map() const;
     bool has_shared() const { return !shared_.empty(); }
     // Whether most pixels around this one are in `also`.
     bool is_shared(Vec2 pixel) const;
