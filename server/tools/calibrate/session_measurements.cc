@@ -53,7 +53,8 @@ absl::StatusOr<quality::Measurements> measure_session(const std::filesystem::pat
     auto pipeline = Pipeline::create(cameras, (*source)->fps(), options);
     if (!pipeline.ok()) return pipeline.status();
     if (absl::Status learned = (*pipeline)->learn_background(*background); !learned.ok()) return learned;
-    PosePass poses(cameras, (*source)->fps(), options, {.cutoff_hz = 0});
+    PosePass poses(cameras, (*source)->fps(), options,
+                   {.cutoff_hz = 0, .searches = 1});  // enough for stature and floor
     QualityPass quality(session_file, cameras, *background);
     for (std::int64_t n = 0; n < kMaxFrameSets; ++n) {
         auto frame_set = (*source)->next();

@@ -6,7 +6,6 @@
 
 #include "server/pipeline/pipeline.h"
 #include "server/pose/pose_stage.h"
-#include "server/pose/retrack.h"
 
 namespace kinevox {
 namespace {
@@ -93,7 +92,7 @@ void PosePass::fit_and_retrack(Subject& subject, Pipeline& pipeline) const {
     std::vector<RecordedView> views;
     for (const Frame& frame : subject.frames)
         views.push_back({frame.row.subject_id, frame.row.frame, frame.observation.get()});
-    std::vector<RetrackedFrame> again = retrack(cameras_, fps_, views, posing);
+    std::vector<RetrackedFrame> again = retrack(cameras_, fps_, views, posing, options_.searches);
     for (std::size_t n = 0; n < subject.frames.size(); ++n) {
         subject.frames[n].posture = again[n].posture;
         subject.frames[n].row.pose = std::move(again[n].pose);

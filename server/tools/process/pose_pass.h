@@ -16,6 +16,7 @@
 #include "server/pose/body_fitter.h"
 #include "server/pose/body_model.h"
 #include "server/pose/pose_options.h"
+#include "server/pose/retrack.h"
 #include "server/recording/csv_tables.h"
 
 namespace kinevox {
@@ -31,6 +32,7 @@ struct PosePassOptions {
     // Frame sets of a subject that are held in memory and tracked in both directions with the fitted body;
     // later ones are tracked once.
     std::size_t max_held_frame_sets = 1200;
+    int searches = kRetrackRounds;  // of other postures, in these
     BodyFitOptions body;
 };
 
