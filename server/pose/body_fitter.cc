@@ -30,7 +30,6 @@ constexpr std::size_t kHeldOutFrames = 8, kHeldOutInterval = 6;
 constexpr std::array<double, 3> kStartScales{1, 0.88, 1.14};
 constexpr double kClearlyBetter = 0.9, kCostWithoutPose = 5000;
 constexpr std::size_t kTriedFrames = 4;
-constexpr int kSearches = 1;  // of other postures; a second one improves single frame sets, not the lengths
 
 constexpr double kMinGrowth_m = 0.02;  // of the stature by legs that stand: a raised heel adds less
 constexpr double kFloatingCost = 5;    // negative log odds of a subject that stands on something invisible
@@ -289,7 +288,7 @@ std::vector<Posed> postures_on_path(const std::vector<Camera>& cameras, double f
                                     const PoseStageOptions& posing, const std::stop_token& stop) {
     std::vector<RecordedView> views;
     for (const PoseObservation* frame : frames) views.push_back({0, 0, frame});
-    const std::vector<RetrackedFrame> path = retrack(cameras, fps, views, posing, kSearches, stop);
+    const std::vector<RetrackedFrame> path = retrack(cameras, fps, views, posing, kRetrackRounds, stop);
     std::vector<Posed> all, certain;
     for (std::size_t n = 0; n < path.size(); ++n) {
         if (!path[n].posture) continue;
