@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "client/viewer/subjects.h"
+#include "common/median.h"
 
 namespace kinevox::viewer {
 namespace {
@@ -162,10 +163,8 @@ void SceneView::swapped() {
 
 std::optional<double> SceneView::latency_ms() const {
     if (latencies_ms_.empty()) return {};
-    std::vector<double> sorted(latencies_ms_.begin(), latencies_ms_.end());
-    const auto median = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-    std::nth_element(sorted.begin(), median, sorted.end());
-    return *median;
+    std::vector<double> latencies_ms(latencies_ms_.begin(), latencies_ms_.end());
+    return median_of(latencies_ms);
 }
 
 double SceneView::painted_volumes_per_second() const {

@@ -3,16 +3,15 @@
 #include <algorithm>
 #include <vector>
 
+#include "common/median.h"
+
 namespace kinevox {
 namespace {
 
 constexpr std::chrono::seconds kRateWindow{2};
 
 double quantile(std::vector<double> values, double q) {
-    if (values.empty()) return 0;
-    const auto at = static_cast<std::size_t>(q * static_cast<double>(values.size() - 1) + 0.5);
-    std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(at), values.end());
-    return values[at];
+    return values.empty() ? 0 : quantile_of(values, q);
 }
 
 }  // namespace

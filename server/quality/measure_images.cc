@@ -4,6 +4,7 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
+#include "common/median.h"
 #include "server/quality/samples.h"
 
 namespace kinevox::quality {
@@ -87,9 +88,7 @@ cv::Mat median_image(const Samples& seen, std::size_t camera) {
     for (int y = 0; !images.empty() && y < out.rows; ++y)
         for (int x = 0; x < out.cols; ++x) {
             for (std::size_t n = 0; n < images.size(); ++n) values[n] = images[n]->at<std::uint8_t>(y, x);
-            const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-            std::nth_element(values.begin(), middle, values.end());
-            out.at<std::uint8_t>(y, x) = *middle;
+            out.at<std::uint8_t>(y, x) = median_of(values);
         }
     return out;
 }

@@ -7,6 +7,7 @@
 #include <deque>
 #include <opencv2/imgproc.hpp>
 
+#include "common/median.h"
 #include "kernels/segmentation.h"
 #include "server/cameras/image_mat.h"
 #include "server/quality/samples.h"
@@ -58,15 +59,13 @@ kernels::ImageView view_of(const cv::Mat& image) {
     return {image.data, image.cols, image.rows, image.channels(), static_cast<std::ptrdiff_t>(image.step)};
 }
 
-cv::Mat median_of(const std::vector<cv::Mat>& images) {
+cv::Mat median_image(const std::vector<cv::Mat>& images) {
     cv::Mat out(images.front().size(), CV_8U);
     std::vector<std::uint8_t> values(images.size());
     for (int y = 0; y < out.rows; ++y)
         for (int x = 0; x < out.cols; ++x) {
             for (std::size_t n = 0; n < images.size(); ++n) values[n] = images[n].at<std::uint8_t>(y, x);
-            const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-            std::nth_element(values.begin(), middle, values.end());
-            out.at<std::uint8_t>(y, x) = *middle;
+            out.at<std::uint8_t>(y, x) = median_of(values);
         }
     return out;
 }
@@ -89,10 +88,7 @@ bool is_part_of_subject(const Samples& seen, const std::vector<cv::Mat>& still, 
 }  // namespace
 
 double quantile_or(std::vector<double> values, double q, double otherwise) {
-    if (values.empty()) return otherwise;
-    const auto rank = values.begin() + std::lround(q * static_cast<double>(values.size() - 1));
-    std::nth_element(values.begin(), rank, values.end());
-    return *rank;
+    return values.empty() ? otherwise : quantile_of(values, q);
 }
 
 struct Observer::State {
@@ -127,7 +123,7 @@ Observer::Observer(const std::vector<Camera>& cameras, const std::vector<std::ve
             views.push_back(view_of(images.emplace_back(reduced(image, state_->factor[c]))));
         const std::size_t step = std::max<std::size_t>(1, images.size() / kBackgroundImages);
         for (std::size_t n = 0; n < images.size(); n += step) greys.push_back(grey_of(images[n]));
-        state_->seen.background[c] = median_of(greys);
+        state_->seen.background[c] = median_image(greys);
         state_->segmenters[c] = kernels::make_segmenter(kernels::Device::kCpu, images[0].cols, images[0].rows,
                                                         images[0].channels(), segmentation);
         state_->segmenters[c]->learn(views);

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "common/geometry.h"
+#include "common/median.h"
 #include "server/recording/csv_tables.h"
 
 namespace kinevox {
@@ -129,9 +130,7 @@ double min_step_s(std::vector<double>& steps_s) {
 // times take precedence over the session's rate, which a camera may not keep.
 bool take_steps(std::vector<double> steps_s, double fps, Trial& trial) {
     constexpr int kMaxFramesInMedian = 6;
-    const auto middle_step = steps_s.begin() + static_cast<std::ptrdiff_t>(steps_s.size() / 2);
-    std::nth_element(steps_s.begin(), middle_step, steps_s.end());
-    const double median_s = *middle_step;
+    const double median_s = median_of(steps_s);
     if (take_step(median_s, 0.2, trial)) return true;
     if (fps > 0 && (take_step(1 / fps, 0.5, trial) || take_nearest(1 / fps, trial))) return true;
     if (take_step(median_s, 0.5, trial)) return true;

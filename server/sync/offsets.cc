@@ -8,6 +8,7 @@
 #include <functional>
 #include <limits>
 
+#include "common/median.h"
 #include "server/sync/offset_search.h"
 
 namespace kinevox::sync {
@@ -149,15 +150,14 @@ absl::Status check_residuals(const FineOffsets& fine, std::span<const std::strin
             if (pair.residual_px && (pair.first == c || pair.second == c))
                 residuals.push_back(*pair.residual_px);
         if (residuals.empty()) continue;
-        const auto middle = residuals.begin() + static_cast<std::ptrdiff_t>(residuals.size() / 2);
-        std::ranges::nth_element(residuals, middle);
-        if (*middle <= options.max_residual_px * options.pixel_px) continue;
+        const double residual_px = median_of(residuals);
+        if (residual_px <= options.max_residual_px * options.pixel_px) continue;
         return absl::FailedPreconditionError(
             fmt::format("camera {}: its silhouettes are inconsistent with the others by {:.1f} px even at "
                         "the best offset: it "
                         "belongs to another recording, or its extrinsics are wrong; correct that, or give "
                         "--no-extrinsics",
-                        names[c], *middle));
+                        names[c], residual_px));
     }
     return absl::OkStatus();
 }

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/geometry.h"
+#include "common/median.h"
 
 namespace kinevox::sync {
 namespace {
@@ -33,10 +34,7 @@ Signal collect(const CameraMotion& motion, Value value) {
 
 double finite_median(std::vector<double> values) {
     std::erase_if(values, [](double v) { return std::isnan(v); });
-    if (values.empty()) return kNone;
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
+    return values.empty() ? kNone : median_of(values);
 }
 
 // Difference of the smoothed signal, at the later of two images, times `factor`.

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "common/median.h"
+
 namespace kinevox {
 namespace {
 
@@ -29,10 +31,7 @@ constexpr double kNearSpeed_m_per_s = 1.5, kNear_m = 0.5, kNear_s = 2, kNearBonu
 constexpr double kNanoseconds = 1e-9;
 
 double quantile(std::vector<double> values, double fraction) {
-    const auto at =
-        static_cast<std::ptrdiff_t>(std::lround(fraction * static_cast<double>(values.size() - 1)));
-    std::nth_element(values.begin(), values.begin() + at, values.end());
-    return values[static_cast<std::size_t>(at)];
+    return quantile_of(values, fraction);
 }
 
 // Distance of a value from the usual range.
