@@ -11,21 +11,25 @@ struct RayTouch {
     double distance_m, along, gradient[3];
 };
 
-// `direction` and `outward` have length 1; a capsule from a, as seen from the ray's origin, to a + e.
+// `direction` and `outward` have length 1.
 [[gnu::always_inline]] inline RayTouch touch_capsule(const double* direction, const double* outward,
-                                                     const double* a, const double* e, double radius_a,
-                                                     double radius_b) {
+                                                     const double* origin, const float* from, const float* to,
+                                                     float radius_a, float radius_b) {
     constexpr double kThin_m = 0.09f;  // maximum movement of a capsule across the border
     constexpr double kOnAxis_m = 1e-9;
     const auto dot = [](const double* u, const double* v) { return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]; };
-    const double de = dot(direction, e), da = dot(direction, a), taper = radius_b - radius_a;
-    const double q2 = dot(e, e) - de * de + 1e-9, q1 = dot(e, a) - de * da, q0 = dot(a, a) - da * da;
+    const double a[3] = {from[0], from[1], from[2]};
+    const double e[3] = {to[0] - a[0], to[1] - a[1], to[2] - a[2]};
+    const double w[3] = {a[0] - origin[0], a[1] - origin[1], a[2] - origin[2]};
+    const double de = dot(direction, e), da = dot(direction, w), taper = radius_b - radius_a;
+    const double q2 = dot(e, e) - de * de + 1e-9, q1 = dot(e, w) - de * da, q0 = dot(w, w) - da * da;
     // The nearest point of the axis, moved on towards the thicker end until the surface's slope is met.
     double t = -q1 / q2;
     const double h = std::sqrt(std::max(q0 + q1 * t, 0.0));
     t += taper * h / (q2 * std::sqrt(std::max(1 - taper * taper / q2, 0.05)));
     t = std::min(std::max(t, 0.0), 1.0);
-    const double p[3] = {a[0] + t * e[0], a[1] + t * e[1], a[2] + t * e[2]};
+    const double p[3] = {a[0] + t * e[0] - origin[0], a[1] + t * e[1] - origin[1],
+                         a[2] + t * e[2] - origin[2]};
     const double depth = dot(p, direction);
     const double from_ray[3] = {p[0] - depth * direction[0], p[1] - depth * direction[1],
                                 p[2] - depth * direction[2]};

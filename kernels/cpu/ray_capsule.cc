@@ -131,12 +131,9 @@ void touch_capsules(const RayBundle& rays, const double* from, std::span<const T
 #pragma GCC ivdep
     for (int i = 0; i < rays.count; ++i) {
         const std::int32_t k = std::max(which[i], 0);
-        const double a[3] = {ends[0][k] - origin[0], ends[1][k] - origin[1], ends[2][k] - origin[2]};
-        const double e[3] = {static_cast<double>(ends[4][k]) - ends[0][k],
-                             static_cast<double>(ends[5][k]) - ends[1][k],
-                             static_cast<double>(ends[6][k]) - ends[2][k]};
+        const float a[3] = {ends[0][k], ends[1][k], ends[2][k]}, b[3] = {ends[4][k], ends[5][k], ends[6][k]};
         const double direction[3] = {dx[i], dy[i], dz[i]}, outward[3] = {nx[i], ny[i], nz[i]};
-        const RayTouch touch = touch_capsule(direction, outward, a, e, ends[3][k], ends[7][k]);
+        const RayTouch touch = touch_capsule(direction, outward, origin, a, b, ends[3][k], ends[7][k]);
         gx[i] = touch.gradient[0], gy[i] = touch.gradient[1], gz[i] = touch.gradient[2];
         distance[i] = touch.distance_m;
         along[i] = touch.along;

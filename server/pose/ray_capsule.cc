@@ -37,10 +37,10 @@ void nearest_capsules(const ContourRays& rays, std::span<const BodyCapsule> caps
 }
 
 RayTouch touch_ray(Vec3 origin, Vec3 direction, Vec3 outward, const BodyCapsule& c) {
-    const Vec3 a{c.a[0], c.a[1], c.a[2]}, e = Vec3{c.b[0], c.b[1], c.b[2]} - a, from_origin = a - origin;
     const double d[3] = {direction.x, direction.y, direction.z}, n[3] = {outward.x, outward.y, outward.z},
-                 start[3] = {from_origin.x, from_origin.y, from_origin.z}, axis[3] = {e.x, e.y, e.z};
-    const kernels::RayTouch touch = kernels::touch_capsule(d, n, start, axis, c.radius_a, c.radius_b);
+                 o[3] = {origin.x, origin.y, origin.z};
+    const kernels::RayTouch touch = kernels::touch_capsule(d, n, o, c.a, c.b, c.radius_a, c.radius_b);
+    const Vec3 a{c.a[0], c.a[1], c.a[2]}, e = Vec3{c.b[0], c.b[1], c.b[2]} - a;
     const Vec3 gradient{touch.gradient[0], touch.gradient[1], touch.gradient[2]};
     return {gradient != Vec3{}, touch.distance_m, touch.along, a + touch.along * e, gradient};
 }
