@@ -72,15 +72,12 @@ Vec2 undistort(const Camera& c, Vec2 distorted) {
 
 }  // namespace
 
-Vec2 Camera::project_in_camera(Vec3 p) const {
-    const Vec2 distorted = distorted_point(*this, {p.x / p.z, p.y / p.z});
-    return {fx * distorted.x + cx, fy * distorted.y + cy};
-}
-
 std::optional<Vec2> Camera::project(Vec3 point_in_world) const {
     const Vec3 point_in_camera = camera_from_world * point_in_world;
     if (!(point_in_camera.z > 0)) return std::nullopt;
-    return project_in_camera(point_in_camera);
+    const Vec2 p = distorted_point(
+        *this, {point_in_camera.x / point_in_camera.z, point_in_camera.y / point_in_camera.z});
+    return Vec2{fx * p.x + cx, fy * p.y + cy};
 }
 
 Ray Camera::ray_through(Vec2 pixel) const {

@@ -29,9 +29,6 @@ struct Camera {
     // projectPoints; far outside the field of view a strong distortion may fold points back into the image.
     std::optional<Vec2> project(Vec3 point_in_world) const;
 
-    // Of a point in the camera's frame with z > 0.
-    Vec2 project_in_camera(Vec3 point_in_camera) const;
-
     // The ray through a pixel, distortion undone by iteration.
     Ray ray_through(Vec2 pixel) const;
 

@@ -20,11 +20,17 @@ kernels::RayBundle bundle_of(const ContourRays& rays) {
     return bundle;
 }
 
-std::vector<kernels::TaperedCapsule> plain(std::span<const BodyCapsule> capsules) {
-    std::vector<kernels::TaperedCapsule> out;
-    for (const BodyCapsule& c : capsules.first(std::min<std::size_t>(capsules.size(), kernels::kMaxCapsules)))
-        out.push_back({{c.a[0], c.a[1], c.a[2]}, {c.b[0], c.b[1], c.b[2]}, c.radius_a, c.radius_b});
-    return out;
+void copy(std::span<const BodyCapsule> capsules, std::vector<kernels::TaperedCapsule>& out) {
+    out.resize(std::min<std::size_t>(capsules.size(), kernels::kMaxCapsules));
+    for (std::size_t k = 0; k < out.size(); ++k) {
+        const BodyCapsule& c = capsules[k];
+        out[k] = {{c.a[0], c.a[1], c.a[2]}, {c.b[0], c.b[1], c.b[2]}, c.radius_a, c.radius_b};
+    }
+}
+
+RayTouch touch_at(const float* from, const float* to, double along, double distance, Vec3 gradient) {
+    const Vec3 a{from[0], from[1], from[2]}, b{to[0], to[1], to[2]};
+    return {gradient != Vec3{}, distance, along, a + along * (b - a), gradient};
 }
 
 }  // namespace
@@ -33,20 +39,21 @@ void nearest_capsules(const ContourRays& rays, std::span<const BodyCapsule> caps
                       std::vector<float>& distance, std::vector<int>& capsule) {
     distance.resize(rays.size());
     capsule.resize(rays.size());
-    kernels::nearest_capsules(bundle_of(rays), plain(capsules), distance.data(), capsule.data());
+    thread_local std::vector<kernels::TaperedCapsule> plain;
+    copy(capsules, plain);
+    kernels::nearest_capsules(bundle_of(rays), plain, distance.data(), capsule.data());
 }
 
 RayTouch touch_ray(Vec3 origin, Vec3 direction, Vec3 outward, const BodyCapsule& c) {
     const double d[3] = {direction.x, direction.y, direction.z}, n[3] = {outward.x, outward.y, outward.z},
                  o[3] = {origin.x, origin.y, origin.z};
     const kernels::RayTouch touch = kernels::touch_capsule(d, n, o, c.a, c.b, c.radius_a, c.radius_b);
-    const Vec3 a{c.a[0], c.a[1], c.a[2]}, e = Vec3{c.b[0], c.b[1], c.b[2]} - a;
-    const Vec3 gradient{touch.gradient[0], touch.gradient[1], touch.gradient[2]};
-    return {gradient != Vec3{}, touch.distance_m, touch.along, a + touch.along * e, gradient};
+    return touch_at(c.a, c.b, touch.along, touch.distance_m,
+                    {touch.gradient[0], touch.gradient[1], touch.gradient[2]});
 }
 
 void NearestCapsules::find(const ContourRays& rays, std::span<const BodyCapsule> capsules) {
-    capsules_ = plain(capsules);
+    copy(capsules, capsules_);
     const kernels::RayBundle bundle = bundle_of(rays);
     const Vec3& o = rays.origin_in_world;
     const double origin[3] = {o.x, o.y, o.z};
@@ -62,9 +69,8 @@ void NearestCapsules::find(const ContourRays& rays, std::span<const BodyCapsule>
 
 RayTouch NearestCapsules::touch(std::size_t ray) const {
     const kernels::TaperedCapsule& c = capsules_[capsule_[ray]];
-    const Vec3 a{c.a[0], c.a[1], c.a[2]}, e = Vec3{c.b[0], c.b[1], c.b[2]} - a;
-    const Vec3 gradient{gradient_[0][ray], gradient_[1][ray], gradient_[2][ray]};
-    return {gradient != Vec3{}, distance_[ray], along_[ray], a + along_[ray] * e, gradient};
+    return touch_at(c.a, c.b, along_[ray], distance_[ray],
+                    {gradient_[0][ray], gradient_[1][ray], gradient_[2][ray]});
 }
 
 }  // namespace kinevox

@@ -111,10 +111,10 @@ void SilhouetteDistance::build(const std::uint8_t* mask, const std::uint8_t* als
     for (float& d : distance_) d *= static_cast<float>(cell_);
 }
 
-bool SilhouetteDistance::at(Vec2 p, double& distance, Vec2& gradient) const {
+std::optional<double> SilhouetteDistance::at(Vec2 p) const {
     if (distance_.empty() ||
         !(p.x > -0.5 && p.y > -0.5 && p.x < image_width_ - 0.5 && p.y < image_height_ - 0.5))
-        return false;
+        return std::nullopt;
     const double half = 0.5 * (cell_ - 1);
     const double gx = (p.x - x0_ - half) / cell_, gy = (p.y - y0_ - half) / cell_;
     const double cx = std::clamp(gx, 0.0, columns_ - 1.0), cy = std::clamp(gy, 0.0, rows_ - 1.0);
@@ -126,15 +126,9 @@ bool SilhouetteDistance::at(Vec2 p, double& distance, Vec2& gradient) const {
         return distance_[static_cast<std::size_t>(y) * columns_ + x];
     };
     const double d00 = cell(i, j), d10 = cell(i1, j), d01 = cell(i, j1), d11 = cell(i1, j1);
-    distance = (1 - v) * ((1 - u) * d00 + u * d10) + v * ((1 - u) * d01 + u * d11);
-    gradient = {((1 - v) * (d10 - d00) + v * (d11 - d01)) / cell_,
-                ((1 - u) * (d01 - d00) + u * (d11 - d10)) / cell_};
-    if (gx != cx || gy != cy) {
-        const double ox = (gx - cx) * cell_, oy = (gy - cy) * cell_, out = std::hypot(ox, oy);
-        distance -= out;
-        gradient = {gradient.x - ox / out, gradient.y - oy / out};
-    }
-    return true;
+    const double distance = (1 - v) * ((1 - u) * d00 + u * d10) + v * ((1 - u) * d01 + u * d11);
+    const bool in_map = gx == cx && gy == cy;
+    return in_map ? distance : distance - std::hypot((gx - cx) * cell_, (gy - cy) * cell_);
 }
 
 kernels::DistanceMapView SilhouetteDistance::map() const {
@@ -159,11 +153,10 @@ bool SilhouetteRays::shows_alone(Vec3 in_world) const {
 std::optional<double> SilhouetteRays::inside_m(Vec3 in_world) const {
     if (!camera) return std::nullopt;
     const std::optional<Vec2> pixel = camera->project(in_world);
-    double inside_px;
-    Vec2 gradient;
-    if (!pixel || !distance.at(*pixel, inside_px, gradient)) return std::nullopt;
+    const std::optional<double> inside_px = pixel ? distance.at(*pixel) : std::nullopt;
+    if (!inside_px) return std::nullopt;
     const double depth = (camera->camera_from_world * in_world).z;
-    return inside_px * (2 * depth / (camera->fx + camera->fy));
+    return *inside_px * (2 * depth / (camera->fx + camera->fy));
 }
 
 bool is_among_others(std::span<const SilhouetteRays> views, Vec3 in_world) {

@@ -30,9 +30,9 @@ class SilhouetteDistance {
     // Of the pixels that are not 0 in `mask` or, if it is not null, in `also`; `bounds` is a box around them.
     void build(const std::uint8_t* mask, const std::uint8_t* also, int width, int height,
                const kernels::Rect& bounds, int side);
-    // Bilinear, with its gradient; outside the map, minus the distance to the map. False: outside the image,
-    // or no silhouette.
-    bool at(Vec2 pixel, double& distance_px, Vec2& gradient) const;
+    // Bilinear; outside the map, minus the distance to the map. Empty outside the image, or without
+    // silhouette.
+    std::optional<double> at(Vec2 pixel) const;
     // The map itself, without what lies outside it.
     kernels::DistanceMapView map() const;
     bool has_shared() const { return !shared_.empty(); }

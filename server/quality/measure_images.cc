@@ -4,7 +4,6 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
-#include "common/median.h"
 #include "server/quality/samples.h"
 
 namespace kinevox::quality {
@@ -76,21 +75,13 @@ cv::Mat foreground_frequency(const Samples& seen, std::size_t camera) {
     return count > 0 ? cv::Mat(sum / (255.0 * count)) : sum;
 }
 
-cv::Mat median_image(const Samples& seen, std::size_t camera) {
+cv::Mat median_of_samples(const Samples& seen, std::size_t camera) {
     constexpr std::size_t kImages = 15;
-    std::vector<const cv::Mat*> images;
+    std::vector<cv::Mat> images;
     const std::size_t step = std::max<std::size_t>(1, seen.samples.size() / kImages);
     for (std::size_t n = 0; n < seen.samples.size(); n += step)
-        if (!seen.samples[n].views[camera].grey.empty())
-            images.push_back(&seen.samples[n].views[camera].grey);
-    cv::Mat out = seen.background[camera].clone();
-    std::vector<std::uint8_t> values(images.size());
-    for (int y = 0; !images.empty() && y < out.rows; ++y)
-        for (int x = 0; x < out.cols; ++x) {
-            for (std::size_t n = 0; n < images.size(); ++n) values[n] = images[n]->at<std::uint8_t>(y, x);
-            out.at<std::uint8_t>(y, x) = median_of(values);
-        }
-    return out;
+        if (!seen.samples[n].views[camera].grey.empty()) images.push_back(seen.samples[n].views[camera].grey);
+    return images.empty() ? seen.background[camera] : median_image(images);
 }
 
 // The connected components of a foreground.
@@ -217,7 +208,8 @@ std::vector<cv::Mat> measure_still(const Samples& seen, std::vector<CameraMeasur
         }
         out[c].still_area_ratio = pixels / moving;
         out[c].still_in_background_fraction =
-            count_edges(still, median_image(seen, c), edges_of(seen.background[c])).background_fraction();
+            count_edges(still, median_of_samples(seen, c), edges_of(seen.background[c]))
+                .background_fraction();
         cv::dilate(still, still, cv::getStructuringElement(cv::MORPH_RECT, cv::Size(5, 5)));
     }
     return masks;

@@ -59,17 +59,6 @@ kernels::ImageView view_of(const cv::Mat& image) {
     return {image.data, image.cols, image.rows, image.channels(), static_cast<std::ptrdiff_t>(image.step)};
 }
 
-cv::Mat median_image(const std::vector<cv::Mat>& images) {
-    cv::Mat out(images.front().size(), CV_8U);
-    std::vector<std::uint8_t> values(images.size());
-    for (int y = 0; y < out.rows; ++y)
-        for (int x = 0; x < out.cols; ++x) {
-            for (std::size_t n = 0; n < images.size(); ++n) values[n] = images[n].at<std::uint8_t>(y, x);
-            out.at<std::uint8_t>(y, x) = median_of(values);
-        }
-    return out;
-}
-
 // The still foreground is not an object but the subject's: only one camera has it, or without it too little
 // remains of a person.
 bool is_part_of_subject(const Samples& seen, const std::vector<cv::Mat>& still, const Measurements& without) {
@@ -86,6 +75,17 @@ bool is_part_of_subject(const Samples& seen, const std::vector<cv::Mat>& still, 
 }
 
 }  // namespace
+
+cv::Mat median_image(const std::vector<cv::Mat>& images) {
+    cv::Mat out(images.front().size(), CV_8U);
+    std::vector<std::uint8_t> values(images.size());
+    for (int y = 0; y < out.rows; ++y)
+        for (int x = 0; x < out.cols; ++x) {
+            for (std::size_t n = 0; n < images.size(); ++n) values[n] = images[n].at<std::uint8_t>(y, x);
+            out.at<std::uint8_t>(y, x) = median_of(values);
+        }
+    return out;
+}
 
 double quantile_or(std::vector<double> values, double q, double otherwise) {
     return values.empty() ? otherwise : quantile_of(values, q);

@@ -54,6 +54,8 @@ std::optional<double> measure_posed_iou(const Samples& seen, const SilhouetteSet
 void measure_posed_view(const std::vector<Camera>& cameras, std::span<const PosedFrame> poses,
                         std::vector<CameraMeasurements>& out);
 
+// Of each pixel; of images of one size, CV_8U, at least one.
+cv::Mat median_image(const std::vector<cv::Mat>& images);
 // Of values in any order, nearest rank; `otherwise` for none.
 double quantile_or(std::vector<double> values, double q, double otherwise);
 
