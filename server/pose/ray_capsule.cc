@@ -1,7 +1,5 @@
 #include "server/pose/ray_capsule.h"
 
-#include <algorithm>
-
 #include "kernels/ray_touch.h"
 
 namespace kinevox {
@@ -21,7 +19,7 @@ kernels::RayBundle bundle_of(const ContourRays& rays) {
 }
 
 void copy(std::span<const BodyCapsule> capsules, std::vector<kernels::TaperedCapsule>& out) {
-    out.resize(std::min<std::size_t>(capsules.size(), kernels::kMaxCapsules));
+    out.resize(capsules.size());
     for (std::size_t k = 0; k < out.size(); ++k) {
         const BodyCapsule& c = capsules[k];
         out[k] = {{c.a[0], c.a[1], c.a[2]}, {c.b[0], c.b[1], c.b[2]}, c.radius_a, c.radius_b};
