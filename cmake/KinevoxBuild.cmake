@@ -52,11 +52,24 @@ macro(kinevox_unity_builds)
   endif()
 endmacro()
 
+set(KINEVOX_BUILT_FOLDER "" CACHE PATH "Build folder whose archives of KINEVOX_BUILT_LIBRARIES are linked, not compiled again")
+set(KINEVOX_BUILT_LIBRARIES "" CACHE STRING "Libraries taken from KINEVOX_BUILT_FOLDER")
+
 # kinevox_library(NAME SOURCES a.cc ... PUBLIC lib ... PRIVATE lib ...): a static library. Headers are included by their path
 # from the repository's root.
 get_filename_component(KINEVOX_ROOT ${CMAKE_CURRENT_LIST_DIR}/.. ABSOLUTE)
 function(kinevox_library name)
   cmake_parse_arguments(ARG "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  if(name IN_LIST KINEVOX_BUILT_LIBRARIES)
+    file(RELATIVE_PATH folder ${KINEVOX_ROOT} ${CMAKE_CURRENT_SOURCE_DIR})
+    add_library(${name}_built STATIC IMPORTED GLOBAL)
+    set_target_properties(${name}_built PROPERTIES
+      IMPORTED_LOCATION ${KINEVOX_BUILT_FOLDER}/${folder}/lib${name}.a)
+    target_link_libraries(${name}_built INTERFACE ${ARG_PUBLIC} ${ARG_PRIVATE})
+    file(TOUCH ${CMAKE_CURRENT_BINARY_DIR}/no_code.cc)
+    set(ARG_SOURCES ${CMAKE_CURRENT_BINARY_DIR}/no_code.cc)
+    list(PREPEND ARG_PUBLIC ${name}_built)
+  endif()
   add_library(${name} STATIC ${ARG_SOURCES})
   target_include_directories(${name} PUBLIC ${KINEVOX_ROOT})
   target_link_libraries(${name} PUBLIC ${ARG_PUBLIC} PRIVATE kinevox_build_options ${ARG_PRIVATE})
