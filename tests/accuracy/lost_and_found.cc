@@ -1,5 +1,5 @@
 // Lost and found: time until volume and pose are back after a second without usable images.
-//   lost_and_found SESSION.toml... [--database] [--timed]
+//   lost_and_found SESSION.toml... [--database] [--timed] [--undisturbed]
 // Each session needs truth/joints.csv and runs through the pipeline as in the daemon, once per event:
 //   blocked     the background for a second, then the subject where the movement has arrived meanwhile
 //   black       black images for a second (covered cameras, lights out)
@@ -11,7 +11,8 @@
 // the time counts from the first image that shows the subject again. Fails beyond 0.5 s, or if a body is
 // reported while there is none. The longest frame set, in which the body is searched, counts with --timed
 // only: on a shared machine it means little. With --database a pose database is built first and proposes
-// poses, as in the daemon.
+// poses, as in the daemon. With --undisturbed each session also runs without events, and the table has the
+// errors of the same frame sets in that run.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -38,6 +39,7 @@ namespace {
 constexpr double kBound_s = 0.5, kMaxError_m = 0.1;
 constexpr int kInARow = 3;
 constexpr double kBefore_s = 1.0;  // of undisturbed movement
+constexpr double kAfter_s = 1.0;   // twice the bound
 
 struct Event {
     const char* name;
@@ -182,7 +184,7 @@ absl::StatusOr<bool> play(const std::filesystem::path& session_file, const Event
             if (frame < 0) break;
         }
         if (absl::Status status = show(last, phase); !status.ok()) return status;
-        if (phase == 2 && volumes.size() >= static_cast<std::size_t>(2 * fps)) break;
+        if (phase == 2 && volumes.size() >= static_cast<std::size_t>(kAfter_s * fps)) break;
     }
     if (!event_or_none) return true;
     const auto mean = [](const std::vector<double>& values) {
@@ -214,7 +216,8 @@ absl::StatusOr<bool> play(const std::filesystem::path& session_file, const Event
     return good;
 }
 
-absl::StatusOr<bool> run(const std::filesystem::path& session_file, bool with_database, bool timed) {
+absl::StatusOr<bool> run(const std::filesystem::path& session_file, bool with_database, bool timed,
+                         bool with_undisturbed) {
     const auto session = read_session(session_file);
     if (!session.ok()) return session.status();
     const auto truth = testing::read_true_joints(session->truth / "joints.csv");
@@ -238,8 +241,10 @@ absl::StatusOr<bool> run(const std::filesystem::path& session_file, bool with_da
     bool good = true;
     Errors undisturbed;
     PoseProposer* const proposer = search ? &*search : nullptr;
-    const auto all = play(session_file, nullptr, truth, proposer, timed, undisturbed);
-    if (!all.ok()) return all.status();
+    if (with_undisturbed) {
+        const auto all = play(session_file, nullptr, truth, proposer, timed, undisturbed);
+        if (!all.ok()) return all.status();
+    }
     for (const Event& event : events()) {
         const auto played = play(session_file, &event, truth, proposer, timed, undisturbed);
         if (!played.ok()) return played.status();
@@ -253,17 +258,21 @@ absl::StatusOr<bool> run(const std::filesystem::path& session_file, bool with_da
 
 int main(int argc, char** argv) {
     kinevox::silence_video_libraries();
-    bool with_database = false, timed = false, good = true;
+    bool with_database = false, timed = false, with_undisturbed = false, good = true;
     std::vector<std::filesystem::path> sessions;
     for (int n = 1; n < argc; ++n)
         if (!std::strcmp(argv[n], "--database"))
             with_database = true;
         else if (!std::strcmp(argv[n], "--timed"))
             timed = true;
+        else if (!std::strcmp(argv[n], "--undisturbed"))
+            with_undisturbed = true;
         else
             sessions.emplace_back(argv[n]);
     if (sessions.empty())
-        return std::fprintf(stderr, "usage: lost_and_found SESSION.toml... [--database] [--timed]\n"), 1;
+        return std::fprintf(stderr,
+                            "usage: lost_and_found SESSION.toml... [--database] [--timed] [--undisturbed]\n"),
+               1;
     fmt::print(
         "| session | event | volume back, s | pose back, s | longest frame set, ms | poses meanwhile | mm "
         "undisturbed | mm after "
@@ -274,7 +283,7 @@ int main(int argc, char** argv) {
                        session.string());
             return 77;
         }
-        const auto result = kinevox::run(session, with_database, timed);
+        const auto result = kinevox::run(session, with_database, timed, with_undisturbed);
         if (!result.ok())
             return std::fprintf(stderr, "%s\n", std::string(result.status().message()).c_str()), 1;
         good = *result && good;

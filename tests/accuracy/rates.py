@@ -2,13 +2,15 @@
 """Joints, silent errors, stated standard deviations and body of `kinevox process` at several rates: one row per run.
 
 usage: rates.py [--kinevox-process PROGRAM] [--sequences NAME,...] [--every 1,2,3] [--true-masks] [--work FOLDER]
-                [--save FILE] [--compare FILE] [--max-mm N] [--max-ratio N] [--max-silent N] [--jobs N] [-- OPTION ...]
+                [--tables FOLDER] [--save FILE] [--compare FILE] [--max-mm N] [--max-ratio N] [--max-silent N] [--jobs N]
+                [-- OPTION ...]
 
 Columns: mean joint error (mm); times the error of the first rate; silent errors (a joint reported more than 100 mm off and
 more than 3 standard deviations, %); values within 1, 2 and 3 standard deviations (%, each axis one value); withheld joints (%);
 error of the stature and largest error of thigh, shank, upper arm and forearm (%). A sequence's truth has no stature: it is
 1.041 times the length of the chain from ankle to head top, which holds for the shared bodies within 0.6 %. --true-masks replaces
-the images by the exact silhouettes, so that segmentation has no part in the errors. --save and --compare keep and compare two
+the images by the exact silhouettes, so that segmentation has no part in the errors. --tables has the results of --every 1, of
+sequences.py with the same option. --save and --compare keep and compare two
 runs of this script. Options after -- go to kinevox-process. Exit status 77 without the shared test data."""
 import argparse
 import json
@@ -82,8 +84,10 @@ def measure(truth_folder, fps, results):
     return result
 
 
-def run(program, name, every, options, work, masks):
+def run(program, name, every, options, work, masks, tables):
     source = DATA / "studio" / name
+    if tables and every == 1:
+        return measure(source / "truth", Session(source / "session.toml").fps, tables / name)
     session = mask_session(name, work) if masks else source / "session.toml"
     out = work / "results" / f"{name}_{every}{'_masks' if masks else ''}"
     subprocess.run(
@@ -122,6 +126,7 @@ def main():
     parser.add_argument("--every", default="1,2,3")
     parser.add_argument("--true-masks", action="store_true")
     parser.add_argument("--work", type=Path, help="Keep rendered masks and results there")
+    parser.add_argument("--tables", type=Path)
     parser.add_argument("--save", type=Path)
     parser.add_argument("--compare", type=Path)
     for bound in ("mm", "ratio", "silent"):
@@ -141,7 +146,7 @@ def main():
             for name in names:
                 mask_session(name, work)
         started = {
-            (name, every): pool.submit(run, program, name, every, options, work, arguments.true_masks)
+            (name, every): pool.submit(run, program, name, every, options, work, arguments.true_masks, arguments.tables)
             for name in names
             for every in rates
         }

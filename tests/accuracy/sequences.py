@@ -1,12 +1,15 @@
 #!/usr/bin/env python3
 """Silhouettes, volume, tracking and pose of the shared sequences against ground truth, each processed once.
 
-usage: sequences.py --kinevox-process PROGRAM [--sequences walk,...] [--results FOLDER] [--update]
+usage: sequences.py --kinevox-process PROGRAM [--sequences walk,...] [--results FOLDER] [--tables FOLDER] [--update]
 
-Every value may be 15 % worse than in bounds.toml; --update writes the measured values there. --results keeps the output of
-`kinevox process` in FOLDER and reuses what is complete there. Exit status 77 without the shared test data."""
+Every value may be 15 % worse than in bounds.toml; --update writes the measured values there. No sequence may be given a cause
+of bad results. --results keeps the output of `kinevox process` in FOLDER and reuses what is complete there. --tables writes
+only the tables to FOLDER/SEQUENCE, for rates.py. Exit status 77 without the shared test data."""
 import argparse
+import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -26,6 +29,7 @@ import tracking
 import volume
 from bounds import Judgement
 from session_data import Session, data_folder, process_program, read_table
+from spoiled_sessions import accusations
 
 STUDIO = ("walk", "gesture", "signal", "ring8", "sprint", "boxing", "exercise", "floor", "martial")
 REAL = "balancing"
@@ -44,6 +48,14 @@ def process(program, session, out, *options):
         sys.exit(f"kinevox process {session}: {done.stderr.strip()}")
 
 
+def judge_quality(name, out, judgement):
+    """A good sequence is not accused; spoiled_sessions.py has the others."""
+    accused = accusations(json.loads((out / "quality.json").read_text()))
+    if accused:
+        print(f"{name}: accused of {', '.join(accused)}")
+    judgement.require(name, "quality.accusations", len(accused), 0)
+
+
 def judge_studio(name, program, results, judgement, pool):
     folder = data_folder() / "studio" / name
     session, out, hull = Session(folder / "session.toml"), results / name, results / f"{name}_hull"
@@ -53,6 +65,7 @@ def judge_studio(name, program, results, judgement, pool):
         program, session.file, hull, "--save", "volumes", "--no-colouring", "--no-pose", "--frames", str(last_mesh + 1)
     )
 
+    judge_quality(name, out, judgement)
     cameras = silhouettes.judge(folder, out, pool)
     mean_iou = float(np.mean(list(cameras.values())))
     judgement.measure(name, {"mean_iou": mean_iou, "min_camera_iou": min(cameras.values())}, "silhouettes")
@@ -96,10 +109,18 @@ def judge_studio(name, program, results, judgement, pool):
         judgement.require(name, f"pose.{angle}_deg", error, ANGLE_DEG.get(name, 5))
 
 
+def keep_tables(results, folder):
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    for file in (*results.glob("*.csv"), *results.glob("*.toml")):
+        shutil.copy(file, folder)
+
+
 def judge_real(program, results, judgement):
     folder = data_folder() / REAL
     out = results / REAL
     process(program, folder / "session.toml", out, "--tpose", folder / "session_tpose.toml")
+    judge_quality(REAL, out, judgement)
     table = read_table(out / "volume.csv")
     litres = table["volume_litres"]
     outside = int(np.sum(~((litres >= REAL_LITRES[0]) & (litres <= REAL_LITRES[1]))))
@@ -125,6 +146,7 @@ def main():
     parser.add_argument("--kinevox-process", type=Path)
     parser.add_argument("--sequences", default=",".join([*STUDIO, REAL]))
     parser.add_argument("--results", type=Path)
+    parser.add_argument("--tables", type=Path)
     parser.add_argument("--update", action="store_true")
     arguments = parser.parse_args()
     names = arguments.sequences.split(",")
@@ -143,6 +165,8 @@ def main():
                 judge_real(program, results, judgement)
             else:
                 judge_studio(name, program, results, judgement, pool)
+            if arguments.tables:
+                keep_tables(results / name, arguments.tables / name)
     if arguments.update:
         judgement.update()
         return 0

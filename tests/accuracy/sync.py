@@ -39,14 +39,17 @@ MAX_CUT_S, MIN_LEFT_S = 2.0, 1.2
 
 
 class Sequence:
-    """A session's images as files, so that other sessions can use any of them."""
+    """A session's images as files, so that other sessions can use any of them; only of `cameras` if given."""
 
-    def __init__(self, name, folder):
+    def __init__(self, name, folder, cameras=None):
         self.name = name
         self.session = Session(data_folder() / SEQUENCES[name] / "session.toml")
         self.folder = Path(folder) / name
         self.images = []
-        for camera, video in zip(self.session.cameras, self.session.videos):
+        for n, (camera, video) in enumerate(zip(self.session.cameras, self.session.videos)):
+            if cameras is not None and n not in cameras:
+                self.images.append([])
+                continue
             ending = "bmp" if camera.width * camera.height < 1e6 else "png"  # lossless; large ones would fill the disk
             target = self.folder / camera.name
             target.mkdir(parents=True)
@@ -58,7 +61,7 @@ class Sequence:
                 files.append(target / f"{len(files):06d}.{ending}")
                 cv2.imwrite(str(files[-1]), image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
             self.images.append(files)
-        self.length = min(len(p) for p in self.images)
+        self.length = min(len(p) for p in self.images if p)
 
     def sizes(self):
         return [(c.width, c.height) for c in self.session.cameras]
@@ -294,7 +297,7 @@ def main():
                 del sequences[previous[-1].name]
         if arguments.quick:
             good = try_user(arguments, sequences["walk"], folder) and good
-            good = try_wrong(arguments, sequences["walk"], Sequence("gesture", folder), [2], folder) and good
+            good = try_wrong(arguments, sequences["walk"], Sequence("gesture", folder, [2]), [2], folder) and good
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     print("good" if good else "NOT good")

@@ -17,7 +17,10 @@ sys.path.insert(0, str(REPOSITORY / "tests/bench"))
 from video_images import images_of  # noqa: E402
 from process_runs import data_folder  # noqa: E402
 
-FRAMES = 12
+SEQUENCES = {
+    "studio/walk/session.toml": 12,
+    "balancing/session.toml": 6,
+}  # and the number of frames; the second ones are large
 NAME = "Erika_Mustermann"
 DETAIL = 2.5  # grey levels: std of a flat area in H.264
 
@@ -50,10 +53,10 @@ def named_session(original, folder):
     return folder / "session.toml"
 
 
-def check_silhouettes(results, anonymous, cameras):
+def check_silhouettes(results, anonymous, cameras, frames):
     for n, camera in enumerate(cameras):
         ours = images_of(anonymous / f"cam_{n + 1:02}.mkv")
-        check(f"{camera}: one silhouette per frame", len(ours) == FRAMES, len(ours))
+        check(f"{camera}: one silhouette per frame", len(ours) == frames, len(ours))
         fractions = []
         for frame, image in enumerate(ours):
             theirs = cv2.imread(str(results / "silhouettes" / camera / f"{frame:06}.png"), cv2.IMREAD_GRAYSCALE) > 0
@@ -72,10 +75,10 @@ def check_silhouettes(results, anonymous, cameras):
         check(f"{camera}: the background is black", len(background) == 1 and not background[0].any())
 
 
-def check_video(video, silhouettes, source):
+def check_video(video, silhouettes, source, frames):
     """Flat apart from the skeleton and edges; `source`: the original images, which are not."""
     images = images_of(video)
-    check("the video has all frames", len(images) == FRAMES, len(images))
+    check("the video has all frames", len(images) == frames, len(images))
     disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (7, 7))
     inside, outside = [], []
     for image, silhouette, original in zip(images, silhouettes, source):
@@ -92,7 +95,7 @@ def check_video(video, silhouettes, source):
         off, std, original = np.max(np.array(found), axis=0)
         check(
             f"the {what} is flat grey in the video",
-            len(found) >= FRAMES // 2 and off <= 3 and std < DETAIL < original,
+            len(found) >= frames // 2 and off <= 3 and std < DETAIL < original,
             f"{std:.1f} of {original:.1f} levels in {len(found)} frames",
         )
 
@@ -110,18 +113,18 @@ def run(*command):
     return subprocess.run([str(word) for word in command], capture_output=True, text=True)
 
 
-def check_sequence(tools, original, folder):
+def check_sequence(tools, original, folder, frames):
     session = named_session(original, folder / NAME)
     cameras = [line.split('"')[1] for line in session.read_text().splitlines() if line.startswith(f'name = "{NAME}_')]
     results, anonymous = folder / f"{NAME}_results", folder / "anonymous"
     done = run(
-        tools / "kinevox-process", session, "--out", results, "--frames", FRAMES, "--save", "silhouettes", "--quiet"
+        tools / "kinevox-process", session, "--out", results, "--frames", frames, "--save", "silhouettes", "--quiet"
     )
     check("process", done.returncode == 0, done.stderr.strip())
     done = run(tools / "kinevox-export", results, "--anonymous", "--out", anonymous, "--quiet")
     check("export --anonymous", (done.returncode, done.stderr) == (0, ""), done.stderr)
     check_names(anonymous)
-    check_silhouettes(results, anonymous, cameras)
+    check_silhouettes(results, anonymous, cameras, frames)
 
     first = images_of(anonymous / "cam_01.mkv")
     video_file = folder / "video.mp4"
@@ -141,7 +144,7 @@ def check_sequence(tools, original, folder):
     )
     check("a video alone", done.returncode == 0 and not list(folder.glob(".kinevox-*")), done.stderr)
     video = next(line.split('"')[1] for line in session.read_text().splitlines() if line.startswith("video"))
-    check_video(video_file, first, images_of(video)[:FRAMES])
+    check_video(video_file, first, images_of(video, frames), frames)
 
     done = run(tools / "kinevox-export", anonymous, "--format", "c3d", "--out", folder / "again.c3d")
     check("the folder is a recording: c3d of it", done.returncode == 0, done.stderr.strip())
@@ -176,15 +179,15 @@ def check_refusals(tools, folder, session, results):
 
 def main():
     tools = Path(sys.argv[1]) / "server/tools"
-    sequences = [data_folder() / name for name in ("studio/walk/session.toml", "balancing/session.toml")]
+    sequences = {data_folder() / name: frames for name, frames in SEQUENCES.items()}
     missing = [str(file) for file in sequences if not file.exists()]
     if missing:
         print(f"skipped: {missing[0]} is not here")
         sys.exit(77)
     with tempfile.TemporaryDirectory() as temporary:
-        for number, sequence in enumerate(sequences):
+        for number, (sequence, frames) in enumerate(sequences.items()):
             folder = Path(temporary) / str(number)
-            made = check_sequence(tools, sequence, folder)
+            made = check_sequence(tools, sequence, folder, frames)
         check_refusals(tools, folder, *made)
 
 

@@ -26,6 +26,31 @@ void cut_below(double z_m, std::vector<BodyCapsule>& capsules) {
     }
 }
 
+// The pixels outside cannot see a capsule; most of an image.
+kernels::Rect box_around(const Camera& camera, const std::vector<BodyCapsule>& capsules) {
+    const kernels::Rect whole{0, 0, camera.width, camera.height};
+    for (const double distortion : {camera.k1, camera.k2, camera.p1, camera.p2, camera.k3})
+        if (distortion != 0) return whole;
+    kernels::Rect box{camera.width, camera.height, 0, 0};
+    for (const BodyCapsule& c : capsules)
+        for (int corner = 0; corner < 8; ++corner) {
+            double at[3];
+            for (int k = 0; k < 3; ++k)
+                at[k] = corner >> k & 1 ? std::max(c.a[k] + c.radius_a, c.b[k] + c.radius_b)
+                                        : std::min(c.a[k] - c.radius_a, c.b[k] - c.radius_b);
+            const auto pixel = camera.project({at[0], at[1], at[2]});
+            if (!pixel) return whole;
+            const auto limited = [](double value, int size) {
+                return static_cast<int>(std::clamp(value, 0.0, static_cast<double>(size)));
+            };
+            box.x0 = std::min(box.x0, limited(std::floor(pixel->x) - 1, camera.width));
+            box.y0 = std::min(box.y0, limited(std::floor(pixel->y) - 1, camera.height));
+            box.x1 = std::max(box.x1, limited(std::ceil(pixel->x) + 2, camera.width));
+            box.y1 = std::max(box.y1, limited(std::ceil(pixel->y) + 2, camera.height));
+        }
+    return box;
+}
+
 }  // namespace
 
 std::vector<Camera> camera_ring(int count) {
@@ -55,8 +80,9 @@ kernels::Silhouettes silhouette_of(const Camera& camera, const std::vector<BodyC
     s.bounds = {camera.width, camera.height, 0, 0};
     ContourRays rays;
     rays.origin_in_world = camera.centre_in_world();
-    for (int y = 0; y < camera.height; ++y)
-        for (int x = 0; x < camera.width; ++x) {
+    const kernels::Rect box = box_around(camera, capsules);
+    for (int y = box.y0; y < box.y1; ++y)
+        for (int x = box.x0; x < box.x1; ++x) {
             const Vec3 d =
                 camera.ray_through({static_cast<double>(x), static_cast<double>(y)}).direction_in_world;
             const float direction[3] = {static_cast<float>(d.x), static_cast<float>(d.y),
@@ -69,11 +95,11 @@ kernels::Silhouettes silhouette_of(const Camera& camera, const std::vector<BodyC
     std::vector<float> distance;
     std::vector<int> which;
     nearest_capsules(rays, capsules, distance, which);
-    for (int y = 0; y < camera.height; ++y)
-        for (int x = 0; x < camera.width; ++x) {
-            const std::size_t k = static_cast<std::size_t>(y) * camera.width + x;
-            if (!(distance[k] < 0)) continue;
-            s.sharp[k] = 255;
+    std::size_t ray = 0;
+    for (int y = box.y0; y < box.y1; ++y)
+        for (int x = box.x0; x < box.x1; ++x) {
+            if (!(distance[ray++] < 0)) continue;
+            s.sharp[static_cast<std::size_t>(y) * camera.width + x] = 255;
             ++s.sharp_pixels;
             s.bounds = {std::min(s.bounds.x0, x), std::min(s.bounds.y0, y), std::max(s.bounds.x1, x + 1),
                         std::max(s.bounds.y1, y + 1)};
