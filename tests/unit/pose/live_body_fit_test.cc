@@ -57,7 +57,7 @@ class LiveBodyFitTest : public ::testing::Test {
     }
     BodyFitProgress wait_for(BodyFitState state) {
         std::unique_lock lock(mutex_);
-        EXPECT_TRUE(changed_.wait_for(lock, testing::patient(std::chrono::seconds(60)),
+        EXPECT_TRUE(changed_.wait_for(lock, testing::patient(std::chrono::seconds(180)),
                                       [&] { return !told_.empty() && told_.back().state == state; }));
         return told_.back();
     }
@@ -231,7 +231,7 @@ TEST_F(SeveralBodiesTest, FitsEachSubjectsBody) {
         return std::ranges::all_of(
             fit_->progress(), [](const BodyFitProgress& each) { return each.state == BodyFitState::kReady; });
     };
-    ASSERT_TRUE(testing::eventually(all_are_ready, std::chrono::seconds(120)));  // two fits at low priority
+    ASSERT_TRUE(testing::eventually(all_are_ready, std::chrono::minutes(4)));  // two fits at low priority
     EXPECT_NEAR(fit_->body_in_use(3).shape.stature_m, 1.60, 0.04);
     EXPECT_NEAR(fit_->body_in_use(7).shape.stature_m, 1.88, 0.04);
     EXPECT_EQ(fit_->body_in_use(8).shape, default_body_shape());
