@@ -66,6 +66,7 @@ function(kinevox_library name)
     set_target_properties(${name}_built PROPERTIES
       IMPORTED_LOCATION ${KINEVOX_BUILT_FOLDER}/${folder}/lib${name}.a)
     target_link_libraries(${name}_built INTERFACE ${ARG_PUBLIC} ${ARG_PRIVATE})
+    # An ordinary target remains, without code: folders set PRIVATE properties, which an imported one cannot have.
     file(TOUCH ${CMAKE_CURRENT_BINARY_DIR}/no_code.cc)
     set(ARG_SOURCES ${CMAKE_CURRENT_BINARY_DIR}/no_code.cc)
     list(PREPEND ARG_PUBLIC ${name}_built)

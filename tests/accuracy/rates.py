@@ -9,9 +9,9 @@ Columns: mean joint error (mm); times the error of the first rate; silent errors
 more than 3 standard deviations, %); values within 1, 2 and 3 standard deviations (%, each axis one value); withheld joints (%);
 error of the stature and largest error of thigh, shank, upper arm and forearm (%). A sequence's truth has no stature: it is
 1.041 times the length of the chain from ankle to head top, which holds for the shared bodies within 0.6 %. --true-masks replaces
-the images by the exact silhouettes, so that segmentation has no part in the errors. --tables has the results of --every 1, of
-sequences.py with the same option. --save and --compare keep and compare two
-runs of this script. Options after -- go to kinevox-process. Exit status 77 without the shared test data."""
+the images by the exact silhouettes, so that segmentation has no part in the errors. --tables has the results of --every 1 from
+images and without options, of sequences.py with the same option. --save and --compare keep and compare two runs of this script.
+Options after -- go to kinevox-process. Exit status 77 without the shared test data."""
 import argparse
 import json
 import subprocess
@@ -133,6 +133,10 @@ def main():
         parser.add_argument(f"--max-{bound}", type=float, default=np.inf)
     parser.add_argument("--jobs", type=int, default=1)
     arguments = parser.parse_args(argv[: argv.index("--")] if "--" in argv else argv)
+    if arguments.tables and (arguments.true_masks or options):
+        parser.error(
+            "--tables has results from images and without options; omit it with --true-masks or options after --"
+        )
     if not (DATA / "studio").is_dir():
         print(f"skipped: no test data at {DATA}")
         return 77
