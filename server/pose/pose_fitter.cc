@@ -92,6 +92,14 @@ PoseFit PoseFitter::fit(const BodyModel& model, std::span<const SilhouetteRays> 
     return fit;
 }
 
+BodyPosture PoseFitter::approach(const BodyModel& model, std::span<const SilhouetteRays> views,
+                                 const BodyPosture& start) {
+    PoseFit fit;
+    fit.posture = start;
+    descend(model, views, nullptr, options_.wide_m, options_.wide_steps, fit);
+    return fit.posture;
+}
+
 double PoseFitter::cost_of(const BodyModel& model, std::span<const SilhouetteRays> views,
                            const BodyPosture& posture) {
     cost_.linearise(model, posture, views, nullptr, options_.wide_m, trial_);

@@ -34,6 +34,10 @@ class PoseFitter {
     PoseFit fit(const BodyModel& model, std::span<const SilhouetteRays> views, const BodyPosture& start,
                 const MotionPrior* prior, bool wide);
 
+    // Only the steps with the wide kernel.
+    BodyPosture approach(const BodyModel& model, std::span<const SilhouetteRays> views,
+                         const BodyPosture& start);
+
     // Only the cost, for comparing initial postures.
     double cost_of(const BodyModel& model, std::span<const SilhouetteRays> views, const BodyPosture& posture);
 

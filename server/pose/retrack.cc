@@ -22,8 +22,9 @@ namespace {
 constexpr int kSweeps = 2;  // of fits between the neighbours
 constexpr double kMinInterval_s = 1e-3;
 constexpr std::size_t kMaxCandidates = 8;
-constexpr double kSameJoints_m = 0.03;  // candidates with no joint farther apart are one
-constexpr double kHopeless = 80;        // a candidate that costs more than the cheapest by this is dropped
+constexpr double kSameJoints_m = 0.03;   // candidates with no joint farther apart are one
+constexpr double kKnownJoints_m = 0.02;  // a fit whose first steps come so close to a candidate ends there
+constexpr double kHopeless = 80;         // a candidate that costs more than the cheapest by this is dropped
 
 constexpr double kPoor = 1.4;  // a path's cost that suggests a lost body, in medians
 // Of a path beside other people, whose silhouettes explain a limb anywhere: cost relative to the path so far.
@@ -124,26 +125,34 @@ class Recording {
     }
 
     // Fits from the postures of the neighbours on the path, with left and right exchanged, and with a forearm
-    // turned towards or away from a camera: silhouettes alone hardly show which.
+    // turned towards or away from a camera: silhouettes alone hardly show which. Again only where the path
+    // has changed since the last search.
     void search_around_path() {
         std::vector<std::vector<PathCandidate>> found(frames_.size());
+        searched_.resize(frames_.size());
         each([&](std::size_t n) {
             std::vector<BodyPosture> starts;
             const BodyPosture* const before = chosen(n - 1);
             const BodyPosture* const after = chosen(n + 1);
-            for (const BodyPosture* start : {before, after})
-                if (start) starts.push_back(*start);
-            if (before && after) starts.push_back(between(*before, *after, fraction(n)));
-            starts.push_back(exchanged(*chosen(n), kLegSegments));
-            starts.push_back(exchanged(*chosen(n), kArmSegments));
             PoseFitter fitter(options_.tracker.fit);
             PoseCost cost(options_.tracker.fit.cost);
-            if (!shows_others(n))  // whose silhouettes explain a forearm anywhere
-                for (const int forearm : {kForearmL, kForearmR})
-                    for (const BodyPosture& start : with_turned_forearm(n, forearm, fitter))
-                        starts.push_back(start);
+            if (before && has_changed(n - 1)) starts.push_back(*before);
+            if (after && has_changed(n + 1)) starts.push_back(*after);
+            if (before && after && (has_changed(n - 1) || has_changed(n + 1)))
+                starts.push_back(between(*before, *after, fraction(n)));
+            if (has_changed(n)) {
+                starts.push_back(exchanged(*chosen(n), kLegSegments));
+                starts.push_back(exchanged(*chosen(n), kArmSegments));
+                if (!shows_others(n))  // whose silhouettes explain a forearm anywhere
+                    for (const int forearm : {kForearmL, kForearmR})
+                        for (const BodyPosture& start : with_turned_forearm(n, forearm, fitter))
+                            starts.push_back(start);
+            }
             for (const BodyPosture& start : starts) {
-                const PoseFit fit = fitter.fit(model_, recorded_[n].seen->views, start, nullptr, true);
+                const BodyPosture near = fitter.approach(model_, recorded_[n].seen->views, start);
+                const JointPositions joints = model_.forward(near).joints_in_world;
+                if (is_known(joints, frames_[n].candidates) || is_known(joints, found[n])) continue;
+                const PoseFit fit = fitter.fit(model_, recorded_[n].seen->views, near, nullptr, false);
                 PathCandidate c = without_colours(n, fit.posture, cost);
                 if (c.cost > chosen_cost(n) + kHopeless || is_worse(c, frames_[n].candidates) ||
                     is_worse(c, found[n]))
@@ -152,6 +161,7 @@ class Recording {
                 found[n].push_back(c);
             }
         });
+        each([&](std::size_t n) { searched_[n] = *chosen(n); });
         for (std::size_t n = 0; n < frames_.size(); ++n)
             for (const PathCandidate& c : found[n]) add(n, c);
     }
@@ -329,6 +339,7 @@ class Recording {
         if (n >= frames_.size() || choices_[n].candidate < 0) return nullptr;
         return &frames_[n].candidates[choices_[n].candidate].posture;
     }
+    bool has_changed(std::size_t n) const { return !searched_[n] || *searched_[n] != *chosen(n); }
     bool shows_others(std::size_t n) const {
         return std::ranges::any_of(recorded_[n].seen->views, [](const SilhouetteRays& view) {
             return view.camera && view.distance.has_shared();
@@ -394,6 +405,11 @@ class Recording {
     static bool same_joints(const PathCandidate& a, const PathCandidate& b) {
         return max_joint_distance(a.joints_in_world, b.joints_in_world) < kSameJoints_m;
     }
+    static bool is_known(const JointPositions& joints_in_world, std::span<const PathCandidate> known) {
+        return std::ranges::any_of(known, [&](const PathCandidate& other) {
+            return max_joint_distance(other.joints_in_world, joints_in_world) < kKnownJoints_m;
+        });
+    }
     // Whether the silhouettes prefer a candidate with the same joints.
     static bool is_worse(const PathCandidate& c, std::span<const PathCandidate> known) {
         return std::ranges::any_of(
@@ -426,6 +442,7 @@ class Recording {
     BodyModel model_;
     std::vector<PathFrame> frames_;
     std::vector<PathChoice> choices_;
+    std::vector<std::optional<BodyPosture>> searched_;  // the path around which was searched
     std::vector<std::optional<BodyPosture>> path_;
     BodyColours colours_;
 };
