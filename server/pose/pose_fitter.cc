@@ -76,11 +76,18 @@ void PoseFitter::descend(const BodyModel& model, std::span<const SilhouetteRays>
     }
 }
 
+BodyPosture PoseFitter::approach(const BodyModel& model, std::span<const SilhouetteRays> views,
+                                 const BodyPosture& start, const MotionPrior* prior) {
+    PoseFit fit;
+    fit.posture = start;
+    descend(model, views, prior, options_.wide_m, options_.wide_steps, fit);
+    return fit.posture;
+}
+
 PoseFit PoseFitter::fit(const BodyModel& model, std::span<const SilhouetteRays> views,
                         const BodyPosture& start, const MotionPrior* prior, bool wide) {
     PoseFit fit;
-    fit.posture = start;
-    if (wide) descend(model, views, prior, options_.wide_m, options_.wide_steps, fit);
+    fit.posture = wide ? approach(model, views, start, prior) : start;
     descend(model, views, prior, options_.narrow_m, options_.narrow_steps, fit);
     // The terms are those of the last step tried; at the solution they are nearly the same.
     int rays = 0;
@@ -90,14 +97,6 @@ PoseFit PoseFitter::fit(const BodyModel& model, std::span<const SilhouetteRays> 
     fit.contour_residual_rms_m = contour.rms_m;
     fit.explained = rays > 0 ? static_cast<double>(contour.touching) / rays : 0;
     return fit;
-}
-
-BodyPosture PoseFitter::approach(const BodyModel& model, std::span<const SilhouetteRays> views,
-                                 const BodyPosture& start) {
-    PoseFit fit;
-    fit.posture = start;
-    descend(model, views, nullptr, options_.wide_m, options_.wide_steps, fit);
-    return fit.posture;
 }
 
 double PoseFitter::cost_of(const BodyModel& model, std::span<const SilhouetteRays> views,

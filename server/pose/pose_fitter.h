@@ -30,13 +30,13 @@ class PoseFitter {
   public:
     explicit PoseFitter(const PoseFitOptions& options = {}) : options_(options), cost_(options.cost) {}
 
-    // `prior` may be null. `wide`: starts with the wide kernel.
+    // The steps with the wide kernel. `prior` may be null.
+    BodyPosture approach(const BodyModel& model, std::span<const SilhouetteRays> views,
+                         const BodyPosture& start, const MotionPrior* prior);
+
+    // `prior` may be null. `wide`: starts with approach().
     PoseFit fit(const BodyModel& model, std::span<const SilhouetteRays> views, const BodyPosture& start,
                 const MotionPrior* prior, bool wide);
-
-    // Only the steps with the wide kernel.
-    BodyPosture approach(const BodyModel& model, std::span<const SilhouetteRays> views,
-                         const BodyPosture& start);
 
     // Only the cost, for comparing initial postures.
     double cost_of(const BodyModel& model, std::span<const SilhouetteRays> views, const BodyPosture& posture);

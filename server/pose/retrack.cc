@@ -124,32 +124,15 @@ class Recording {
         });
     }
 
-    // Fits from the postures of the neighbours on the path, with left and right exchanged, and with a forearm
-    // turned towards or away from a camera: silhouettes alone hardly show which. Again only where the path
-    // has changed since the last search.
+    // Fits from starts_around() each frame set; one that approaches a known candidate ends there.
     void search_around_path() {
         std::vector<std::vector<PathCandidate>> found(frames_.size());
         searched_.resize(frames_.size());
         each([&](std::size_t n) {
-            std::vector<BodyPosture> starts;
-            const BodyPosture* const before = chosen(n - 1);
-            const BodyPosture* const after = chosen(n + 1);
             PoseFitter fitter(options_.tracker.fit);
             PoseCost cost(options_.tracker.fit.cost);
-            if (before && has_changed(n - 1)) starts.push_back(*before);
-            if (after && has_changed(n + 1)) starts.push_back(*after);
-            if (before && after && (has_changed(n - 1) || has_changed(n + 1)))
-                starts.push_back(between(*before, *after, fraction(n)));
-            if (has_changed(n)) {
-                starts.push_back(exchanged(*chosen(n), kLegSegments));
-                starts.push_back(exchanged(*chosen(n), kArmSegments));
-                if (!shows_others(n))  // whose silhouettes explain a forearm anywhere
-                    for (const int forearm : {kForearmL, kForearmR})
-                        for (const BodyPosture& start : with_turned_forearm(n, forearm, fitter))
-                            starts.push_back(start);
-            }
-            for (const BodyPosture& start : starts) {
-                const BodyPosture near = fitter.approach(model_, recorded_[n].seen->views, start);
+            for (const BodyPosture& start : starts_around(n, fitter)) {
+                const BodyPosture near = fitter.approach(model_, recorded_[n].seen->views, start, nullptr);
                 const JointPositions joints = model_.forward(near).joints_in_world;
                 if (is_known(joints, frames_[n].candidates) || is_known(joints, found[n])) continue;
                 const PoseFit fit = fitter.fit(model_, recorded_[n].seen->views, near, nullptr, false);
@@ -292,6 +275,25 @@ class Recording {
         for (std::size_t n = 0; n < frames_.size(); ++n) time_s[n] = frames_[n].time_s;
         return missing_legs(sights, time_s);
     }
+    // The postures of the neighbours on the path, and its own with left and right exchanged and with a
+    // forearm turned towards or away from a camera: silhouettes alone hardly show which. Only those that have
+    // changed since the last search.
+    std::vector<BodyPosture> starts_around(std::size_t n, PoseFitter& fitter) const {
+        std::vector<BodyPosture> starts;
+        const bool before = chosen(n - 1), after = chosen(n + 1);
+        const bool new_before = before && has_changed(n - 1), new_after = after && has_changed(n + 1);
+        if (new_before) starts.push_back(*chosen(n - 1));
+        if (new_after) starts.push_back(*chosen(n + 1));
+        if (before && after && (new_before || new_after))
+            starts.push_back(between(*chosen(n - 1), *chosen(n + 1), fraction(n)));
+        if (!has_changed(n)) return starts;
+        starts.push_back(exchanged(*chosen(n), kLegSegments));
+        starts.push_back(exchanged(*chosen(n), kArmSegments));
+        if (shows_others(n)) return starts;  // whose silhouettes explain a forearm anywhere
+        for (const int forearm : {kForearmL, kForearmR})
+            for (const BodyPosture& start : with_turned_forearm(n, forearm, fitter)) starts.push_back(start);
+        return starts;
+    }
     // The posture on the path with a limb of other candidates or of the neighbours.
     std::vector<BodyPosture> with_other_limbs(std::size_t n, Limb limb,
                                               std::span<const PathCandidate> path) const {
@@ -339,7 +341,7 @@ class Recording {
         if (n >= frames_.size() || choices_[n].candidate < 0) return nullptr;
         return &frames_[n].candidates[choices_[n].candidate].posture;
     }
-    bool has_changed(std::size_t n) const { return !searched_[n] || *searched_[n] != *chosen(n); }
+    bool has_changed(std::size_t n) const { return searched_[n] != *chosen(n); }
     bool shows_others(std::size_t n) const {
         return std::ranges::any_of(recorded_[n].seen->views, [](const SilhouetteRays& view) {
             return view.camera && view.distance.has_shared();
