@@ -47,6 +47,10 @@ struct SegmentationOptions {
     // of the subject as shadow, larger values less shadow as the subject.
     float light_change_prior = 0.1f;
 
+    // Judges blocks of pixels, too, that differ from the background by little more than the camera's noise:
+    // finds clothes in the background's colours, but may take weak shadows for the subject.
+    bool judge_faint = false;
+
     // Weight of colours seen on the subject before against unseen colours, 0..1; 0: off.
     float colour_memory_weight = 0.7f;
 
@@ -86,6 +90,7 @@ void visit_options(T& o, F&& f) {
       o.brightest_light);
     f({"light_change_prior", 1e-9, 1 - 1e-4, "", "Expected fraction of the background in changed light."},
       o.light_change_prior);
+    f({"judge_faint", 0, 1, "", "Judge blocks that differ faintly from the background."}, o.judge_faint);
     f({"colour_memory_weight", 0, 1 - 1e-4, "", "Weight of colours seen on the subject; 0: off."},
       o.colour_memory_weight);
     f({"sharp_threshold", 1e-4, 1 - 1e-4, "", "Foreground probability of the sharp silhouette."},

@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "kernels/cpu/faint_blocks.h"
 #include "kernels/cpu/foreground_colours.h"
 #include "kernels/cpu/packed_samples.h"
 #include "kernels/cpu/parallel.h"
@@ -91,6 +92,7 @@ class CpuSegmenter final : public RewindableSegmenter {
     Plane weighted_value_, weighted_energy_, factor_, residual_, neighbourhood_, evidence_, smoothed_;
     Plane product_, energy_, square_, misfit_, distance_, colour_, voted_;  // see ShadowPlanes
     ShadowJudge shadows_;
+    FaintBlocks faint_;               // none unless options_.judge_faint
     std::vector<std::int8_t> votes_;  // see kde::SceneView
     bool has_camera_ = false;
     kde::SceneView scene_;
@@ -116,6 +118,7 @@ CpuSegmenter::CpuSegmenter(int width, int height, int channels, const Segmentati
     parameters_.darkest = options.darkest_shadow;
     parameters_.brightest = options.brightest_light;
     parameters_.log_prior_light = std::log(options.light_change_prior);
+    if (options.judge_faint) parameters_.shadow = kde::kFaintRule;
     for (int i = 0; i < 256; ++i)
         log_lit_[i] =
             std::log(std::max(i, 1) / 255.0f * static_cast<float>(kde::saturation(options.samples)));
@@ -224,7 +227,12 @@ CellBox CpuSegmenter::find_active(const CellBox& work) {
     for (int y = 0; y < rows; ++y) {
         const std::size_t first = model_.cell_index(work.y0 + y, work.k0);
         std::uint8_t* row = spread_.data() + static_cast<std::size_t>(y + kActiveMargin) * columns;
-        for (int k = 0; k < columns; ++k) row[k] = searched_[first + k] ? candidates_[first + k] : 0;
+        for (int k = 0; k < columns; ++k) {
+            if (!searched_[first + k]) continue;
+            row[k] = candidates_[first + k];
+            if (const unsigned faint = faint_.in_cell(work.y0 + y, work.k0 + k))
+                row[k] |= static_cast<std::uint8_t>(kde::groups_near(static_cast<int>(faint)));
+        }
     }
     // Each row takes in more and more of those below it.
     for (int covered = 1, window = 2 * kActiveMargin + 1; covered < window;) {
@@ -341,6 +349,13 @@ void CpuSegmenter::vote(const CellBox& box) {
                 const float* evidence = evidence_.row(y) + x0;
                 std::int8_t* sum = sums.data() + x0;
                 const int pixels = std::min(kGroupPixels, width_ - x0);
+                if (const unsigned faint = faint_.in_cell(y, k) >> first / kBlock & 15) {
+                    for (int i = 0; i < pixels; ++i)
+                        sum[i] = static_cast<std::int8_t>(
+                            sum[i] + 1 +
+                            kde::pixel_vote(faint >> i / kBlock & 1 ? 0 : density[i], evidence[i]));
+                    continue;
+                }
 #pragma GCC ivdep
                 for (int i = 0; i < pixels; ++i)
                     sum[i] = static_cast<std::int8_t>(sum[i] + 1 + kde::pixel_vote(density[i], evidence[i]));
@@ -364,10 +379,11 @@ void CpuSegmenter::vote(const CellBox& box) {
 }
 
 void CpuSegmenter::judge_shadows(const CellBox& box, std::span<const Segmenter* const> others) {
-    const ShadowPlanes planes{&factor_,       &residual_,    &neighbourhood_,    &product_,
-                              &energy_,       &square_,      &misfit_,           &distance_,
-                              &colour_,       &voted_,       &evidence_,         density_.data(),
-                              active_.data(), votes_.data(), scene_.vote_columns};
+    const ShadowPlanes planes{
+        &factor_,   &residual_,      &neighbourhood_, &product_,     &energy_,
+        &square_,   &misfit_,        &distance_,      &colour_,      &voted_,
+        &evidence_, density_.data(), active_.data(),  votes_.data(), scene_.vote_columns,
+        &faint_};
     std::vector<const kde::SceneView*> scenes;
     for (const Segmenter* other : others)
         if (other != this && other->scene() && other->scene()->channels == channels_ &&
@@ -567,6 +583,11 @@ void CpuSegmenter::begin_frame(const ImageView& image, const SegmentationPrior& 
     scene_.cells_per_row = model_.cells_per_row;
     parallel_for(work_.y0, work_.y1, kRowsPerTask,
                  [&](int first, int last) { density_rows(image, first, last, work_.k0, work_.k1, true); });
+    if (options_.judge_faint) {
+        const kde::BlockDifference usual = faint_.measure(model_, image, inverse_gain_);
+        parameters_.noise_factor = kde::noise_factor(usual, channels_, parameters_.noise_fraction);
+        faint_.find(model_, cells_.data(), searched_.data(), work_, usual);
+    }
     active_box_ = find_active(work_);
     if (!active_box_.empty()) {
         fit_light(active_box_);

@@ -129,8 +129,15 @@ void ShadowJudge::find_doubtful(int y, const GroupSpan& span, const ShadowPlanes
             if (vote >= kde::kMinJudgedVote && vote < kde::kMaxVote) wanted |= 15u << n * kde::kVoteBlock_px;
         }
         if (wanted == 0) continue;
-        unsigned doubtful =
-            wanted & doubtful_pixels(planes.density + cell * kCellPixels + first, evidence + x0);
+        const std::uint8_t* density = planes.density + cell * kCellPixels + first;
+        std::uint8_t unsure[kGroupPixels];
+        if (const unsigned faint = planes.faint->in_cell(y, k) >> first / kde::kFaintBlock_px & 15) {
+            std::memcpy(unsure, density, kGroupPixels);
+            for (unsigned left = faint; left != 0; left &= left - 1)
+                std::memset(unsure + std::countr_zero(left) * kde::kFaintBlock_px, 0, kde::kFaintBlock_px);
+            density = unsure;
+        }
+        unsigned doubtful = wanted & doubtful_pixels(density, evidence + x0);
         if (x0 + kGroupPixels > model.width) doubtful &= (1u << (model.width - x0)) - 1;
         for (int half = 0; half < 2; ++half) {
             const unsigned block = doubtful & 0xffu << half * kHalf;
@@ -177,7 +184,7 @@ void ShadowJudge::judge_row(int y, const ShadowPlanes& planes, const kde::Eviden
                         planes.neighbourhood->row(y) + x0, planes.misfit->row(y) + x0, planes.factor->stride};
         group.distance = planes.distance->row(y) + x0;
         group.colour = planes.colour->row(y) + x0;
-        shadow_group(kChannels, parameters.shadow, group);
+        shadow_group(kChannels, parameters, group);
         for (unsigned left = doubtful; left != 0; left &= left - 1) {
             const int i = std::countr_zero(left);
             if (observer_) {

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "kernels/cpu/faint_blocks.h"
 #include "kernels/cpu/segmentation_evidence.h"
 #include "kernels/cpu/segmentation_model.h"
 #include "kernels/cpu/segmentation_search.h"
@@ -23,6 +24,7 @@ struct ShadowPlanes {
     const std::uint8_t* active;   // per cell, its groups
     const std::int8_t* votes;     // of this camera, see kde::SceneView
     int vote_columns;
+    const FaintBlocks* faint;
 };
 
 class ShadowJudge {

@@ -28,7 +28,7 @@ struct ShadowGroup {
 unsigned doubtful_pixels(const std::uint8_t* density, const float* evidence);
 
 // Fills own and voted, and features if they are wanted.
-void shadow_group(int channels, const kde::ShadowRule& rule, ShadowGroup& group);
+void shadow_group(int channels, const kde::EvidenceParameters& parameters, ShadowGroup& group);
 
 // The misfit of the light that fits a patch of 7 x 7 best, per channel and pixel, around `width` pixels of a
 // row (at most kMaxRowPixels); the planes have `stride` floats a row.

@@ -118,6 +118,7 @@ class CudaSegmenter final : public RewindableSegmenter {
     DeviceBuffer<float> log_peak_, planes_, log_lit_, log_scale_, floor_directions_, support_;
     DeviceBuffer<Word> masks_;
     DeviceBuffer<std::int8_t> votes_;
+    DeviceBuffer<std::uint16_t> faint_;
     DeviceBuffer<int> cells_, tiles_, changed_, added_, run_lists_;
     DeviceBuffer<CameraState> state_;
     DeviceBuffer<kde::SceneView> device_scene_;
@@ -174,6 +175,8 @@ void CudaSegmenter::set_options() {
     data_.max_hole_fraction = options_.max_hole_fraction;
     data_.refine_border = options_.refine_border;
     data_.count_colours = options_.colour_memory_weight > 0;
+    data_.judge_faint = options_.judge_faint;
+    if (options_.judge_faint) data_.parameters.shadow = kde::kFaintRule;
 }
 
 void CudaSegmenter::learn(std::span<const ImageView> empty_scene) {
@@ -247,6 +250,7 @@ void CudaSegmenter::place_frame() {
     data_.state = place(state_, 1);
     const std::size_t blocks = static_cast<std::size_t>(data_.vote_columns()) * data_.vote_rows();
     data_.votes = place(votes_, blocks);
+    data_.faint = place(faint_, static_cast<std::size_t>(data_.vote_rows()) * data_.cells_per_row);
     data_.changed = place(changed_, blocks);
     data_.added = place(added_, blocks);
     data_.support = place(support_, static_cast<std::size_t>(data_.support_columns()) * data_.support_rows());

@@ -10,7 +10,7 @@ namespace {
 using kde::kActiveMargin;
 using kde::kCellPixels;
 
-constexpr int kGainThreads = 1024, kGainBins = 1024;  // a thread a bin
+constexpr int kGainThreads = kMedianThreads, kGainBins = kMedianThreads;  // a thread a bin
 constexpr int kClearingBlocks = 8;
 constexpr int kWarps = kThreads / 32;  // of a block of kThreads
 
@@ -32,14 +32,6 @@ struct GainGrid {
         return reference >= 24 && reference <= 235 && value < 250;
     }
 };
-
-// The bin that has half of the histogram's total below or in it; each thread of the block has a bin.
-__device__ void find_median(const int* histogram, int* warp_sums, int* median) {
-    const int n = static_cast<int>(threadIdx.x), sum = inclusive_sum_of_block(histogram[n], warp_sums);
-    const int half = warp_sums[31] / 2;
-    if (sum > half && sum - histogram[n] <= half) *median = n;
-    __syncthreads();
-}
 
 // The inverse of the image's brightness over the reference's, for one channel.
 __device__ int inverse_gain(const SegmentData& d, int channel) {
@@ -102,12 +94,6 @@ __global__ void __launch_bounds__(kGainThreads) begin_kernel(const SegmentData* 
         d.changed[i] = 0;
         d.added[i] = 0;
     }
-}
-
-// As split_cell() of the CPU form: gain, rounding, and white that stays white.
-__device__ int corrected(unsigned value, unsigned gain_64) {
-    const unsigned scaled = (((value * gain_64) >> 8) + 32) >> 6;
-    return static_cast<int>(value >= 253 ? 255 : scaled < 255 ? scaled : 255);
 }
 
 // Two neighbouring pixels: a warp works on a cell, a lane on two of its pixels.
@@ -222,6 +208,11 @@ __device__ int active_groups(const SegmentData& d, int y, int k) {
         groups |= candidates[0] & kde::kAllGroups;
         if (k > d.work.k0 && candidates[-1] & kde::kNearRight) groups |= 1;
         if (k + 1 < d.work.k1 && candidates[1] & kde::kNearLeft) groups |= kde::kLastGroup;
+        if (!d.judge_faint) continue;
+        const std::uint16_t* faint = d.faint + d.faint_cell(y + near, k);
+        groups |= kde::groups_near(faint[0]) & kde::kAllGroups;
+        if (k > d.work.k0 && kde::groups_near(faint[-1]) & kde::kNearRight) groups |= 1;
+        if (k + 1 < d.work.k1 && kde::groups_near(faint[1]) & kde::kNearLeft) groups |= kde::kLastGroup;
     }
     return groups;
 }
@@ -446,6 +437,7 @@ void queue_density(const Stream& stream, const FrameSet& cameras) {
     } else {
         density_kernel<3><<<work, kThreads, 0, stream.get()>>>(cameras.device);
     }
+    queue_faint_blocks(stream, cameras);
     const unsigned cells =
         max_of(cameras, count, [](const SegmentData& d) { return d.height * d.cells_per_row; });
     active_kernel<<<dim3((cells + kThreads - 1) / kThreads, 1, z), kThreads, 0, stream.get()>>>(

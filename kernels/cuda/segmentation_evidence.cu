@@ -111,7 +111,8 @@ __device__ void evidence_of_tile(const SegmentData& d, const Tile& tile) {
         const std::size_t cell = d.cell(y, tile.k);
         const float evidence = evidence_at<kChannels>(d, cell, y, x);
         d.evidence[d.at(y, x)] = evidence;
-        if (x < d.width) vote = 1 + kde::pixel_vote(d.density[cell * kCellPixels + tile.lane], evidence);
+        const int density = d.density[cell * kCellPixels + tile.lane];
+        if (x < d.width) vote = 1 + kde::pixel_vote(d.is_faint(y, x) ? 0 : density, evidence);
     }
     if (!d.has_camera) return;
     vote += __shfl_xor_sync(0xffffffffu, vote, 1);

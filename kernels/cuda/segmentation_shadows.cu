@@ -95,7 +95,8 @@ __device__ kde::ShadowLogOdds<float> odds_of(const SegmentData& d, const FloorLi
         kde::squared_distance<kChannels>(d.values + plane, d.reference + plane, d.scale + plane);
     auto e = kde::own_evidence<kChannels, float>(
         distance, d.log_foreground[kde::histogram_bin<kChannels>(d.values + plane)],
-        {d.factor + at, d.residual + at, d.neighbourhood + at, d.misfit + at, d.stride()});
+        {d.factor + at, d.residual + at, d.neighbourhood + at, d.misfit + at, d.stride()},
+        d.judge_faint ? kde::noise_factor(d.state->usual, kChannels, d.parameters.noise_fraction) : 1.0f);
     for (int n = 0; n < d.other_count; ++n)
         kde::add_floor_light(e, lights.light[n][x % kCellPixels / kde::kFloorBlock_px]);
     e.support = support;
@@ -107,7 +108,7 @@ __device__ bool is_doubtful(const SegmentData& d, std::size_t cell, int y, int x
     const std::size_t at = d.at(y, x);
     const int lane = x % kCellPixels;
     if (!in_group(d.active[cell], lane)) return false;
-    if (d.density[cell * kCellPixels + lane] >= kde::kSureDensity ||
+    if ((d.density[cell * kCellPixels + lane] >= kde::kSureDensity && !d.is_faint(y, x)) ||
         d.evidence[at] >= kde::kDoubtfulEvidence ||
         d.votes[y / kde::kVoteBlock_px * d.vote_columns() + x / kde::kVoteBlock_px] < kde::kMinJudgedVote)
         return false;

@@ -11,6 +11,7 @@
 #include "kernels/shared/kde_border.h"
 #include "kernels/shared/kde_density.h"
 #include "kernels/shared/kde_evidence.h"
+#include "kernels/shared/kde_faint.h"
 #include "kernels/shared/kde_scene.h"
 #include "kernels/shared/kde_shadow.h"
 #include "kernels/shared/kde_update.h"
@@ -38,6 +39,7 @@ inline constexpr int kSurroundings =
 // What the device finds out about a frame.
 struct CameraState {
     int gain_64[3];                  // cpu::fixed_point_inverse()
+    kde::BlockDifference usual;      // of the background's blocks, where faint ones are judged
     CellRange box;                   // around the active cells
     int vote_box[4];                 // of the vote blocks in the subject: x0 y0 x1 y1
     int subject_blocks;              // their number
@@ -86,6 +88,7 @@ struct SegmentData {
     CameraState* state;
     kde::SceneView* scene;  // what the other cameras look up
     std::int8_t* votes;     // per block of kde::kVoteBlock_px, see kde::SceneView
+    std::uint16_t* faint;   // per row of blocks and cell, its faint blocks as bits (kde_faint.h)
     int *changed, *added;   // per vote block, pixels that the votes would change; whether they do
     float* support;         // per block of kde::kSupportBlock_px
     kde::FloorGrid floor;
@@ -110,7 +113,7 @@ struct SegmentData {
     float sure_evidence;           // from which a pixel's colour counts as the subject's
     int min_component_px, max_hole_px;
     float min_component_fraction, max_hole_fraction;
-    bool refine_border, count_colours;
+    bool refine_border, count_colours, judge_faint;
     kde::DensityTables tables;
     kde::EvidenceParameters parameters;
 
@@ -137,6 +140,14 @@ struct SegmentData {
     __host__ __device__ std::size_t cell(int y, int k) const {
         return static_cast<std::size_t>(y) * cells_per_row + k;
     }
+    // Of a row's faint blocks in `faint`.
+    __host__ __device__ std::size_t faint_cell(int y, int k) const {
+        return cell(y / kde::kFaintBlock_px, k);
+    }
+    __host__ __device__ bool is_faint(int y, int x) const {
+        return judge_faint &&
+               faint[faint_cell(y, x / kde::kCellPixels)] >> x % kde::kCellPixels / kde::kFaintBlock_px & 1;
+    }
     // Tiles of the image and of a ring around it.
     __host__ __device__ int tile_columns() const { return cells_per_row + 2; }
     __host__ __device__ int tiles() const {
@@ -160,6 +171,7 @@ void queue_fill(const Stream& stream, float* plane, float value, std::size_t cou
 
 // From the images to each camera's evidence, votes and scene.
 void queue_density(const Stream& stream, const FrameSet& cameras);
+void queue_faint_blocks(const Stream& stream, const FrameSet& cameras);  // a part of it
 void queue_evidence(const Stream& stream, const FrameSet& cameras);
 
 // From the evidence to the masks; the scenes that `others` name must be there. The first `count` cameras.
@@ -186,10 +198,25 @@ unsigned max_of(const FrameSet& cameras, int count, F of) {
     return static_cast<unsigned>(result);
 }
 
+constexpr int kMedianThreads = 1024;
 #ifdef __CUDACC__
 // Whether a cell's pixel belongs to one of the groups.
 __device__ inline bool in_group(int groups, int lane) {
     return groups >> lane / kde::kGroupPixels & 1;
+}
+
+// The bin that has half of the histogram's total below or in it; each of kMedianThreads threads has a bin.
+__device__ inline void find_median(const int* histogram, int* warp_sums, int* median) {
+    const int n = static_cast<int>(threadIdx.x), sum = inclusive_sum_of_block(histogram[n], warp_sums);
+    const int half = warp_sums[31] / 2;
+    if (sum > half && sum - histogram[n] <= half) *median = n;
+    __syncthreads();
+}
+
+// As split_cell() of the CPU form: gain, rounding, and white that stays white.
+__device__ inline int corrected(unsigned value, unsigned gain_64) {
+    const unsigned scaled = (((value * gain_64) >> 8) + 32) >> 6;
+    return static_cast<int>(value >= 253 ? 255 : scaled < 255 ? scaled : 255);
 }
 
 // A tile of kTileRows rows of a cell, for a block of kTileRows * 64 threads. Its rows begin with a row of

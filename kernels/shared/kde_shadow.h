@@ -163,15 +163,15 @@ KINEVOX_HD inline bool is_lighter(const float* factor, std::ptrdiff_t stride) {
 }
 
 // All but what the other cameras see. distance: squared distance from the background in bandwidths / 256;
-// log_foreground: log density of the pixel's colour on the subject.
+// log_foreground: log density of the pixel's colour on the subject; noise_factor: of squared distances.
 template <int kChannels, class F>
 KINEVOX_HD KINEVOX_INLINE ShadowEvidence<F> own_evidence(F distance, F log_foreground,
-                                                         const ShadowPixels& pixels) {
+                                                         const ShadowPixels& pixels, float noise_factor) {
     ShadowEvidence<F> e;
-    e.lit = -0.5f / 65536.0f * distance;
+    e.lit = noise_factor * (-0.5f / 65536.0f) * distance;
     e.colour = log_foreground - static_cast<float>(kChannels) * kLogUniformLevel;
-    e.residual = load<F>(pixels.residual);
-    e.around = mean_of_nine<F>(pixels.residual, pixels.stride);
+    e.residual = noise_factor * load<F>(pixels.residual);
+    e.around = noise_factor * mean_of_nine<F>(pixels.residual, pixels.stride);
     e.light = mean_of_nine<F>(pixels.factor, pixels.stride);
     e.step = all_of<F>(10);
     const F own = load<F>(pixels.factor);
@@ -185,6 +185,8 @@ KINEVOX_HD KINEVOX_INLINE ShadowEvidence<F> own_evidence(F distance, F log_foreg
     for (int row = -kPatchRadius; row <= kPatchRadius; row += kPatchRadius)
         for (int column = -kPatchRadius; column <= kPatchRadius; column += kPatchRadius)
             e.min_misfit = smaller(e.min_misfit, load<F>(pixels.misfit + row * pixels.stride + column));
+    e.misfit *= noise_factor;
+    e.min_misfit *= noise_factor;
     e.over = e.floor = F{};
     e.spread = all_of<F>(1);
     e.support = all_of<F>(kUnknownSupport);

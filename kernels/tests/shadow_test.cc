@@ -11,6 +11,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "kernels/cpu/faint_blocks.h"
 #include "kernels/floor_grid.h"
 #include "kernels/segmentation.h"
 #include "kernels/shared/kde_shadow.h"
@@ -102,11 +103,11 @@ struct Rig {
     std::array<FloorCamera, 3> cameras;
     std::array<std::unique_ptr<Segmenter>, 3> segmenters;
 
-    explicit Rig(Device device, Height height = {})
+    explicit Rig(Device device, Height height = {}, const SegmentationOptions& options = {})
         : cameras{FloorCamera(0, 1, 0, height), FloorCamera(2.1, 2, 0, height),
                   FloorCamera(4.2, 3, 0, height)} {
         for (int c = 0; c < 3; ++c) {
-            segmenters[c] = make_segmenter(device, kWidth, kHeight, 3);
+            segmenters[c] = make_segmenter(device, kWidth, kHeight, 3, options);
             segmenters[c]->set_camera(cameras[c].model);
             std::vector<TestImage> clip;
             for (int n = 0; n < 30; ++n) clip.push_back(cameras[c].image([](auto...) { return 1.0; }));
@@ -242,6 +243,92 @@ TEST_P(Shadow, DecidesLighterPixelsByTheFloorsTexture) {
     EXPECT_GT(count_in(out[0].sharp, kWidth, trousers), 0.9 * area);
 }
 
+// Of nearly the floor's brightness and colour in every camera, without its grain.
+std::array<TestImage, 3> with_faint_trousers(Rig& rig, const Rect& trousers) {
+    std::array<TestImage, 3> images;
+    std::mt19937 random(4);
+    std::normal_distribution<double> weave(0, 4.5);
+    for (int c = 0; c < 3; ++c) {
+        images[c] = rig.cameras[c].image([](auto...) { return 1.0; });
+        for (int y = trousers.y0; y < trousers.y1; ++y)
+            for (int x = trousers.x0; x < trousers.x1; ++x)
+                for (int channel = 0; channel < 3; ++channel)
+                    images[c].at(x, y, channel) = static_cast<std::uint8_t>(
+                        std::lround(1.06 * (120 + 15 * channel) + 3 * (channel - 1) + weave(random)));
+    }
+    return images;
+}
+
+TEST_P(Shadow, FindsClothesOfTheFloorsColourWhenFaintBlocksAreJudged) {
+    Rig plain(GetParam()), faint(GetParam(), {}, {.judge_faint = true});
+    const Rect trousers{80, 40, 110, 100};
+    const int area = trousers.width() * trousers.height();
+    const auto images = with_faint_trousers(faint, trousers);
+    const auto found = faint.segment(images), missed = plain.segment(images);
+    int of_faint = 0, of_plain = 0;
+    for (int c = 0; c < 3; ++c) {
+        of_faint += count_in(found[c].sharp, kWidth, trousers);
+        of_plain += count_in(missed[c].sharp, kWidth, trousers);
+        EXPECT_LT(static_cast<double>(found[c].sharp_pixels), 1.05 * area) << "camera " << c;
+    }
+    EXPECT_GT(of_faint, 0.6 * 3 * area);
+    EXPECT_LT(of_plain, 0.5 * of_faint);
+}
+
+TEST_P(Shadow, StaysBackgroundWhenFaintBlocksAreJudged) {
+    Rig rig(GetParam(), {}, {.judge_faint = true});
+    std::array<TestImage, 3> images;
+    int shaded = 0;
+    for (int c = 0; c < 3; ++c)
+        images[c] = rig.cameras[c].image([&](FloorPoint p, int, int) {
+            const double inside = std::clamp((0.5 - std::hypot(p.x, p.y)) / 0.2, 0.0, 1.0);
+            shaded += inside > 0.5;
+            return 1 - 0.1 * inside;  // hardly darker
+        });
+    const auto out = rig.segment(images);
+    std::int64_t found = 0;
+    for (const Silhouettes& s : out) found += s.sharp_pixels;
+    EXPECT_GT(shaded, 2000);
+    EXPECT_LT(static_cast<double>(found), 0.02 * shaded);
+}
+
+TEST(FaintBlocks, DifferByMoreThanTheImagesOwnNoise) {
+    const kde::BlockDifference usual = kde::usual_difference(0, 0, 3);
+    EXPECT_EQ(usual.mean, 1200) << "never below a fifth of a grey level";
+    EXPECT_FALSE(kde::is_faint({6 * usual.mean, 0}, usual));
+    EXPECT_TRUE(kde::is_faint({6 * usual.mean + 1, 0}, usual));
+    const kde::BlockDifference noisy = kde::usual_difference(500, 500, 3);
+    EXPECT_GT(noisy.mean, 10 * usual.mean);
+    EXPECT_LT(kde::noise_factor(noisy, 3, 0.3f), kde::noise_factor(usual, 3, 0.3f) / 10);
+}
+
+TEST(FaintBlocks, SumsOfACellEqualThoseOfItsPixels) {
+    std::mt19937 random(9);
+    constexpr int kChannels = 3, kCellBytes = kChannels * kde::kCellPixels, kRows = kde::kFaintBlock_px;
+    std::vector<std::uint8_t> value(kRows * kCellBytes), reference(kRows * kCellBytes),
+        scale(kRows * kCellBytes);
+    for (auto* plane : {&value, &reference, &scale})
+        for (std::uint8_t& byte : *plane) byte = static_cast<std::uint8_t>(random() & 255);
+    kde::BlockDifference blocks[kde::kFaintBlocks];
+    cpu::block_differences(value.data(), kCellBytes, reference.data(), scale.data(), kCellBytes, kChannels,
+                           blocks);
+    for (int block = 0; block < kde::kFaintBlocks; ++block) {
+        kde::BlockDifference expected;
+        for (int c = 0; c < kChannels; ++c) {
+            int sum = 0, squares = 0;
+            for (int n = 0; n < kde::kFaintPixels; ++n) {
+                const int at = n / kRows * kCellBytes + c * kde::kCellPixels + block * kRows + n % kRows;
+                const int difference = kde::scaled_difference(value[at], reference[at], scale[at]);
+                sum += difference;
+                squares += difference * difference;
+            }
+            kde::add_channel(expected, sum, squares);
+        }
+        EXPECT_EQ(blocks[block].mean, expected.mean) << "block " << block;
+        EXPECT_EQ(blocks[block].pixel, expected.pixel) << "block " << block;
+    }
+}
+
 TEST(LimbGate, NeedsALimbsWidthOfChangedPixels) {
     EXPECT_EQ(kde::voted_radius(100), 1);
     EXPECT_EQ(kde::voted_radius(700), 2);  // blocks of the subject
@@ -250,8 +337,13 @@ TEST(LimbGate, NeedsALimbsWidthOfChangedPixels) {
     EXPECT_FALSE(kde::is_limb(pixels / 3, 1));
 }
 
-TEST_F(ShadowCuda, EqualsCpuForm) {
-    Rig cpu(Device::kCpu, {1.2, 0.9}), gpu(Device::kCuda, {1.2, 0.9});
+class ShadowForms : public ShadowCuda, public ::testing::WithParamInterface<bool> {};
+INSTANTIATE_TEST_SUITE_P(Rules, ShadowForms, ::testing::Bool(),
+                         [](const auto& info) { return info.param ? "Faint" : "Plain"; });
+
+TEST_P(ShadowForms, CudaEqualsCpu) {
+    const SegmentationOptions options{.judge_faint = GetParam()};
+    Rig cpu(Device::kCpu, {1.2, 0.9}, options), gpu(Device::kCuda, {1.2, 0.9}, options);
     const Rect body{80, 20, 112, 110};
     std::array<TestImage, 3> images;
     for (int c = 0; c < 3; ++c)

@@ -1,7 +1,8 @@
 // Features of the pixels that the shadow rule decides, for learning its weights (shadow_rule.py).
-//   shadow_features SESSION.toml OUT.bin [STEP]
-// Segments every STEP-th frame set (default 3) and writes, per doubtful pixel, a record of int16 frame,
-// camera, x, y, then float32 evidence without the rule and the features of kernels/shared/kde_shadow.h.
+//   shadow_features SESSION.toml OUT.bin [STEP [faint]]
+// Segments every STEP-th frame set (default 3), with `faint` also faint blocks, and writes, per doubtful
+// pixel, a record of int16 frame, camera, x, y, then float32 evidence without the rule and the features of
+// kernels/shared/kde_shadow.h.
 #include <fmt/format.h>
 #include <oneapi/tbb/global_control.h>
 
@@ -9,6 +10,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <memory>
+#include <string_view>
 #include <vector>
 
 #include "kernels/cpu/shadow_training.h"
@@ -30,7 +32,7 @@ int fail(const absl::Status& status) {
     return 1;
 }
 
-int write_features(const char* session_file, const char* out_file, int step) {
+int write_features(const char* session_file, const char* out_file, int step, bool faint) {
     const oneapi::tbb::global_control one(oneapi::tbb::global_control::max_allowed_parallelism, 1);
     auto source = open_session_source(session_file, {});
     if (!source.ok()) return fail(source.status());
@@ -40,9 +42,10 @@ int write_features(const char* session_file, const char* out_file, int step) {
     std::ofstream out(out_file, std::ios::binary);
     std::vector<std::unique_ptr<kernels::Segmenter>> segmenters;
     std::int16_t frame = 0;
+    const kernels::SegmentationOptions options{.judge_faint = faint};
     for (std::size_t c = 0; c < cameras.size(); ++c) {
         segmenters.push_back(
-            kernels::make_segmenter(kernels::Device::kCpu, cameras[c].width, cameras[c].height, 3, {}));
+            kernels::make_segmenter(kernels::Device::kCpu, cameras[c].width, cameras[c].height, 3, options));
         segmenters.back()->set_camera(to_kernel(cameras[c]));
         std::vector<kernels::ImageView> views;
         for (const Image& image : (*empty)[c]) views.push_back(to_kernel(image));
@@ -82,9 +85,11 @@ int write_features(const char* session_file, const char* out_file, int step) {
 }  // namespace kinevox
 
 int main(int count, char** arguments) {
-    if (count < 3 || count > 4) {
-        fmt::print(stderr, "usage: shadow_features SESSION.toml OUT.bin [STEP]\n");
+    const bool faint = count == 5 && std::string_view(arguments[4]) == "faint";
+    if (count < 3 || count > 5 || (count == 5 && !faint)) {
+        fmt::print(stderr, "usage: shadow_features SESSION.toml OUT.bin [STEP [faint]]\n");
         return 2;
     }
-    return kinevox::write_features(arguments[1], arguments[2], count > 3 ? std::atoi(arguments[3]) : 3);
+    return kinevox::write_features(arguments[1], arguments[2], count > 3 ? std::atoi(arguments[3]) : 3,
+                                   faint);
 }

@@ -2,14 +2,15 @@
 """Learns the weights of the shadow rule (kernels/shared/kde_shadow.h) from sequences with exact silhouettes.
 
 usage: shadow_rule.py --shadow-features PROGRAM SESSION_FOLDER ... [--sweep FOLDER ...] [--held-out FOLDER ...]
-                      [--lighter SESSION_FOLDER --lighter-results FOLDER [--write]]
+                      [--real SESSION_FOLDER --real-results FOLDER [--write]] [--faint]
 
 Each folder holds session.toml and truth/masks_CAMERA.zip. Prints, per sequence, the pixels that are decided wrongly as a
 fraction of the subject's area: inside and outside the subject, away from its border and near it. --sweep: trials of
 sweep.py, clothes near the background's colours among them, which count less each. --held-out sequences are reported, not
-learned from. --lighter: a real recording in which reflections lighten the background; --lighter-results: its output of
-`kinevox process --save silhouettes`, lighter pixels away from these silhouettes are background. --write replaces
-kernels/shared/shadow_weights.h; it needs both."""
+learned from. --real: a real recording, whose pixels away from its silhouettes are background; --real-results: these
+silhouettes, the output of `kinevox process --save silhouettes`. Its reflections are what the rule for lighter pixels is
+learned from. --faint: the rule of SegmentationOptions::judge_faint, which learns from all background of the real
+recording. --write replaces kernels/shared/shadow_weights.h or faint_weights.h; it needs the real recording."""
 import argparse
 import subprocess
 import sys
@@ -21,7 +22,7 @@ import cv2
 import numpy as np
 from scipy.optimize import minimize
 
-WEIGHTS = Path(__file__).resolve().parents[2] / "kernels" / "shared" / "shadow_weights.h"
+WEIGHTS = Path(__file__).resolve().parents[2] / "kernels" / "shared"
 FEATURES = 27
 RECORD = np.dtype(
     [
@@ -34,10 +35,15 @@ RECORD = np.dtype(
     ]
 )
 STEP, SWEEP_STEP = 6, 2  # frames
+FAINT_SWEEP_STEP = 6  # faint blocks have several times as many doubtful pixels
 MAX_PIXELS = 25_000  # per sequence
 # A missed limb costs more than a wider outline: the hull loses what one camera misses.
 SUBJECT_WEIGHT = 1.3
 SWEEP_WEIGHT = 0.5
+# The rule for faint blocks is asked where the other one loses limbs, so misses cost more. It sees the contour, too:
+# background there becomes a wider outline.
+FAINT_SUBJECT_WEIGHT, FAINT_BORDER_WEIGHT = 4.0, 8.0
+REAL_WEIGHT = 0.1
 # The smoothing of the evidence weighs pixels by their log odds. Decided ones must weigh as much as those that need no
 # second look, or outlines move outwards.
 GAIN = 4.0
@@ -88,31 +94,16 @@ BLIND_FRACTION = 0.3
 BRIGHT = 10
 LIGHTER = [0, 1, 2, 4, 9, 10, 12, 13, 15, 19]
 # A background that turns into the subject costs more than a missed pixel: nothing else removes it.
-LIGHTER_BACKGROUND_WEIGHT = 2.0
-LIGHTER_MARGIN_PX = 15
+LIGHTER_BACKGROUND_WEIGHT, FAINT_LIGHTER_BACKGROUND_WEIGHT = 2.0, 0.25
+REAL_MARGIN_PX = 15
 
 
 class Pixels:
-    """Features, truth and border flags (n,) of a sequence's doubtful pixels; `area`: of the subject, px, scaled to the
-    drawn pixels."""
+    """Features, truth, border flags and evidence (n,) of a sequence's doubtful pixels, a part of them if there are many;
+    `area`: of the subject, px, for the same part; `lighter`: features (n, LIGHTER) of the subject's lighter pixels."""
 
-    def __init__(self, folder, records, weight, step):
-        self.name, self.weight = folder.name, weight
-        archives = sorted((folder / "truth").glob("masks_cam*.zip"))
-        truth, border = np.zeros(len(records), bool), np.zeros(len(records), bool)
-        area = 0
-        for camera, path in enumerate(archives):
-            with zipfile.ZipFile(path) as archive:
-                names = sorted(archive.namelist())
-                for frame in range(0, len(names), step):
-                    image = cv2.imdecode(np.frombuffer(archive.read(names[frame]), np.uint8), cv2.IMREAD_GRAYSCALE)
-                    mask = (image > 0).astype(np.uint8)
-                    area += int(mask.sum())
-                    rows = np.nonzero((records["camera"] == camera) & (records["frame"] == frame))[0]
-                    y, x = records["y"][rows], records["x"][rows]
-                    inner, outer = cv2.erode(mask, np.ones((3, 3))), cv2.dilate(mask, np.ones((5, 5)))
-                    truth[rows] = mask[y, x] > 0
-                    border[rows] = (outer > inner)[y, x]
+    def __init__(self, name, weight, records, truth, border, area):
+        self.name, self.weight = name, weight
         lighter = records["features"][:, BRIGHT] > 0
         self.lighter = records["features"][lighter & truth][:, LIGHTER]
         ruled = ~lighter
@@ -154,13 +145,14 @@ def regress(x, truth, importance, offset=0.0):
     return minimize(loss, np.zeros(x.shape[1]), jac=True, method="L-BFGS-B", options={"maxiter": 250}).x / scale
 
 
-def learn(sequences):
+def learn(sequences, subject_weight, border_weight):
     """Weights of own_terms() and, given these, of vote_terms(): the votes decide only where they may, see is_limb() of
     kde_shadow.h, so the rule must be right without them."""
     features = np.concatenate([s.features for s in sequences])
     truth = np.concatenate([s.truth for s in sequences])
+    border = np.concatenate([s.border for s in sequences])
     importance = np.concatenate([np.full(len(s.truth), s.weight / s.area) for s in sequences])
-    importance *= np.where(truth, SUBJECT_WEIGHT, 1.0)
+    importance *= np.where(truth, subject_weight, np.where(border, border_weight, 1.0))
     blind = features.copy()
     blind[np.random.default_rng(1).random(len(blind)) < BLIND_FRACTION, FLOOR] = 0
     own = regress(own_terms(blind), truth, importance)
@@ -168,28 +160,27 @@ def learn(sequences):
     return own, regress(vote_terms(features), truth, importance, limited)
 
 
-def lighter_background(program, folder, results, work):
-    """Features (n, LIGHTER) of the lighter pixels away from the silhouettes in `results`."""
-    records = features_of(program, folder, work, STEP)
-    records = records[records["features"][:, BRIGHT] > 0]
-    away = np.zeros(len(records), bool)
+def real_background(records, folder, results):
+    """The records away from the silhouettes in `results`, and the silhouettes' area, px."""
+    away, area = np.zeros(len(records), bool), 0
     for camera, images in enumerate(sorted((results / "silhouettes").glob("*/"))):
         for frame in np.unique(records["frame"]):
             rows = np.nonzero((records["camera"] == camera) & (records["frame"] == frame))[0]
             mask = cv2.imread(str(images / f"{frame:06d}.png"), cv2.IMREAD_GRAYSCALE)
-            near = cv2.dilate(mask, np.ones((LIGHTER_MARGIN_PX, LIGHTER_MARGIN_PX)))
+            area += np.count_nonzero(mask)
+            near = cv2.dilate(mask, np.ones((REAL_MARGIN_PX, REAL_MARGIN_PX)))
             away[rows] = near[records["y"][rows], records["x"][rows]] == 0
     if not away.any():
         command = f"kinevox process {folder / 'session.toml'} --out {results} --save silhouettes"
-        sys.exit(f"{results}: no silhouettes beside lighter pixels; run {command}")
-    return records["features"][away][:, LIGHTER]
+        sys.exit(f"{results}: no silhouettes beside doubtful pixels; run {command}")
+    return records[away], area
 
 
-def learn_lighter(subject, background):
-    """Weights of LIGHTER; the two classes weigh 1 and LIGHTER_BACKGROUND_WEIGHT together."""
+def learn_lighter(subject, background, background_weight):
+    """Weights of LIGHTER; the two classes weigh 1 and `background_weight` together."""
     x = np.concatenate([subject, background]).astype(np.float64)
     truth = np.arange(len(x)) < len(subject)
-    importance = np.where(truth, 1 / len(subject), LIGHTER_BACKGROUND_WEIGHT / len(background))
+    importance = np.where(truth, 1 / len(subject), background_weight / len(background))
     weights = regress(x.copy(), truth, importance)
     decided = x @ weights > 0
     print(
@@ -208,9 +199,24 @@ def rows(weights):
     return ",\n        ".join(", ".join(literal(w) for w in weights[i : i + 6]) for i in range(0, len(weights), 6))
 
 
-def header(weights, lighter):
+def parts(weights, lighter):
+    """The arrays of ShadowRule, as text."""
     own, votes = (GAIN * w for w in weights)
     extra = FEATURES - OWN
+    return [
+        rows(values)
+        for values in (
+            np.concatenate([own[:OWN], votes[:extra]]),
+            own[OWN:],
+            votes[extra : extra + len(BASES)],
+            votes[extra + len(BASES) :],
+            lighter,
+        )
+    ]
+
+
+def shadow_header(weights, lighter):
+    of_features, products, vote_products, positive_vote_products, of_lighter = parts(weights, lighter)
     return f"""// Written by tests/accuracy/shadow_rule.py; features, bases and their order are those of kde_shadow.h.
 #pragma once
 
@@ -222,35 +228,75 @@ inline constexpr int kLighterFeatures = {len(LIGHTER)};
 // Handed to kernels by value.
 struct ShadowRule {{
     float weights[kShadowFeatures] = {{
-        {rows(np.concatenate([own[:OWN], votes[:extra]]))}}};
+        {of_features}}};
     // Of the products of the bases i <= j, row by row.
     float products[kShadowBases * (kShadowBases + 1) / 2] = {{
-        {rows(own[OWN:])}}};
+        {products}}};
     // Of the products of the bases and the votes' support, all and the positive part of it.
     float vote_products[kShadowBases] = {{
-        {rows(votes[extra : extra + len(BASES)])}}};
+        {vote_products}}};
     float positive_vote_products[kShadowBases] = {{
-        {rows(votes[extra + len(BASES) :])}}};
+        {positive_vote_products}}};
     // Of a lighter pixel's features {", ".join(str(i) for i in LIGHTER)}.
     float lighter[kLighterFeatures] = {{
-        {rows(lighter)}}};
+        {of_lighter}}};
 }};
 
 }}  // namespace kinevox::kernels::kde
 """
 
 
-def features_of(program, folder, work, step):
-    file = work / f"{folder.name}.bin"
-    if not file.exists():
-        done = subprocess.run([program, folder / "session.toml", file, str(step)], stderr=subprocess.PIPE, text=True)
-        if done.returncode != 0:
-            sys.exit(f"shadow_features {folder}: {done.stderr.strip()}")
-    return np.fromfile(file, RECORD)
+def faint_header(weights, lighter):
+    arrays = ",\n    ".join("{" + text + "}" for text in parts(weights, lighter))
+    return f"""// Written by tests/accuracy/shadow_rule.py --faint; features, bases and their order are those of kde_shadow.h.
+#pragma once
+
+#include "kernels/shared/shadow_weights.h"
+
+namespace kinevox::kernels::kde {{
+
+// With SegmentationOptions::judge_faint.
+inline constexpr ShadowRule kFaintRule{{
+    {arrays}}};
+
+}}  // namespace kinevox::kernels::kde
+"""
 
 
-def read_sequence(program, folder, work, weight, step):
-    return Pixels(folder, features_of(program, folder, work, step), weight, step)
+class Reader:
+    """Reads sequences' features, which the program writes."""
+
+    def __init__(self, program, work, faint):
+        self.program, self.work, self.faint = program, work, faint
+
+    def records(self, folder, step):
+        file = self.work / ("_".join(folder.resolve().parts[-3:]) + ".bin")
+        if not file.exists():
+            command = [self.program, folder / "session.toml", file, str(step)] + ["faint"] * self.faint
+            done = subprocess.run(command, stderr=subprocess.PIPE, text=True)
+            if done.returncode != 0:
+                file.unlink(missing_ok=True)
+                sys.exit(f"shadow_features {folder}: {done.stderr.strip()}")
+        return np.fromfile(file, RECORD)
+
+    def sequence(self, folder, weight, step):
+        """A rendered sequence; its truth are the masks in truth/masks_CAMERA.zip."""
+        records = self.records(folder, step)
+        truth, border = np.zeros(len(records), bool), np.zeros(len(records), bool)
+        area = 0
+        for camera, path in enumerate(sorted((folder / "truth").glob("masks_cam*.zip"))):
+            with zipfile.ZipFile(path) as archive:
+                names = sorted(archive.namelist())
+                for frame in range(0, len(names), step):
+                    image = cv2.imdecode(np.frombuffer(archive.read(names[frame]), np.uint8), cv2.IMREAD_GRAYSCALE)
+                    mask = (image > 0).astype(np.uint8)
+                    area += int(mask.sum())
+                    rows = np.nonzero((records["camera"] == camera) & (records["frame"] == frame))[0]
+                    y, x = records["y"][rows], records["x"][rows]
+                    inner, outer = cv2.erode(mask, np.ones((3, 3))), cv2.dilate(mask, np.ones((5, 5)))
+                    truth[rows] = mask[y, x] > 0
+                    border[rows] = (outer > inner)[y, x]
+        return Pixels(folder.name, weight, records, truth, border, area)
 
 
 def main():
@@ -259,32 +305,46 @@ def main():
     parser.add_argument("folders", nargs="+", type=Path, help="sequences to learn from")
     parser.add_argument("--sweep", nargs="*", type=Path, default=[], help="trials of sweep.py to learn from")
     parser.add_argument("--held-out", nargs="*", type=Path, default=[], help="sequences that are only reported")
-    parser.add_argument("--lighter", type=Path, help="session in which reflections lighten the background")
-    parser.add_argument("--lighter-results", type=Path, help="its results with silhouettes")
+    parser.add_argument("--real", type=Path, help="real recording to learn background from")
+    parser.add_argument("--real-results", type=Path, help="its results with silhouettes")
+    parser.add_argument("--faint", action="store_true", help="learn the rule that judges faint blocks, too")
     parser.add_argument("--work", type=Path, help="keep the features in this folder")
-    parser.add_argument("--write", action="store_true", help="replace kernels/shared/shadow_weights.h")
+    parser.add_argument("--write", action="store_true", help="replace the weights in kernels/shared")
     arguments = parser.parse_args()
-    if (arguments.lighter is None) != (arguments.lighter_results is None):
-        parser.error("--lighter and --lighter-results go together; give both or neither")
-    if arguments.write and not arguments.lighter:
-        parser.error("--write needs --lighter and --lighter-results for the weights of lighter pixels")
+    if (arguments.real is None) != (arguments.real_results is None):
+        parser.error("--real and --real-results go together; give both or neither")
+    if arguments.write and not arguments.real:
+        parser.error("--write needs --real and --real-results for the weights of lighter pixels")
     with tempfile.TemporaryDirectory() as scratch:
         work = arguments.work or Path(scratch)
         work.mkdir(parents=True, exist_ok=True)
-        program = arguments.shadow_features
-        learned = [read_sequence(program, f, work, 1.0, STEP) for f in arguments.folders]
-        learned += [read_sequence(program, f, work, SWEEP_WEIGHT, SWEEP_STEP) for f in arguments.sweep]
-        held_out = [read_sequence(program, f, work, 0.0, SWEEP_STEP) for f in arguments.held_out]
-        if arguments.lighter:
-            background = lighter_background(program, arguments.lighter, arguments.lighter_results, work)
-            lighter = learn_lighter(np.concatenate([s.lighter for s in learned]), background)
-    weights = learn(learned)
+        reader = Reader(arguments.shadow_features, work, arguments.faint)
+        sweep_step = FAINT_SWEEP_STEP if arguments.faint else SWEEP_STEP
+        learned = [reader.sequence(f, 1.0, STEP) for f in arguments.folders]
+        learned += [reader.sequence(f, SWEEP_WEIGHT, sweep_step) for f in arguments.sweep]
+        held_out = [reader.sequence(f, 0.0, sweep_step) for f in arguments.held_out]
+        if arguments.real:
+            records, area = real_background(
+                reader.records(arguments.real, STEP), arguments.real, arguments.real_results
+            )
+            reflections = records["features"][records["features"][:, BRIGHT] > 0][:, LIGHTER]
+            weight = FAINT_LIGHTER_BACKGROUND_WEIGHT if arguments.faint else LIGHTER_BACKGROUND_WEIGHT
+            lighter = learn_lighter(np.concatenate([s.lighter for s in learned]), reflections, weight)
+            none = np.zeros(len(records), bool)
+            real = Pixels(arguments.real.name, REAL_WEIGHT, records, none, none, area)
+            (learned if arguments.faint else held_out).append(real)
+    if arguments.faint:
+        weights = learn(learned, FAINT_SUBJECT_WEIGHT, FAINT_BORDER_WEIGHT)
+    else:
+        weights = learn(learned, SUBJECT_WEIGHT, 1.0)
     print("fractions of the subject's area: missed added, then the same within 2 px of the border")
     for title, group in (("learned from", learned), ("held out", held_out)):
         for sequence in group:
             print(f"{title:12s} {sequence.text(weights)}")
-    if arguments.write:
-        WEIGHTS.write_text(header(weights, lighter))
+    if arguments.write and arguments.faint:
+        (WEIGHTS / "faint_weights.h").write_text(faint_header(weights, lighter))
+    elif arguments.write:
+        (WEIGHTS / "shadow_weights.h").write_text(shadow_header(weights, lighter))
     return 0
 
 

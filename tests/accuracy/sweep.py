@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Random trials of the virtual studio through `kinevox process`, compared with their truth: a test that nothing can be tuned to.
 
-usage: sweep.py [--trials N] [--seed S] [--jobs N] [--out FOLDER] [--keep] [--masks] [--true-masks] [--first N] [--short]
+usage: sweep.py [--trials N] [--seed S] [--jobs N] [--out FOLDER] [--keep] [--masks] [--lossless] [--true-masks] [--first N] [--short]
                 [--ci [--update]] [--kinevox-process PROGRAM] [--kinevox-studio PROGRAM]
 
 sweep_scene.py draws each trial from seed and number: body, clothes, room, light, cameras, rate and motion; every third one is
@@ -11,6 +11,7 @@ sheets in OUT/worst. Other options of `kinevox process` follow --.
 
 --keep leaves the trials' folders (scene.toml, session.toml, truth, results) in OUT/trials. --masks only renders them, for
 who tunes the segmentation, with the true masks also as truth/masks_CAMERA.zip, and lists them in OUT/masks.csv.
+--lossless renders videos without the codec's noise, as live cameras have none.
 --true-masks replaces the images by the exact silhouettes: what remains are errors of tracking, body and pose.
 --ci runs a fixed, short set and compares it with sweep_bounds.toml: measured value plus 15 %; --update writes it.
 
@@ -82,7 +83,8 @@ class Sweep:
         options = self.arguments
         if options.ci:
             return draw_scene(options.seed, trial, cameras=4, size=(640, 480), short=True, frames=48)
-        return draw_scene(options.seed, trial, short=options.short)
+        scene = draw_scene(options.seed, trial, short=options.short)
+        return scene | {"crf": 0} if options.lossless else scene
 
     def render(self, trial):
         """The trial's folder and its scene; an error, or nothing."""
@@ -246,6 +248,7 @@ def parse():
     parser.add_argument("--out", type=Path, help="Folder of the report, the sheets and the trials")
     parser.add_argument("--keep", action="store_true", help="Keep the trials' folders")
     parser.add_argument("--masks", action="store_true", help="Only render, and keep the trials' folders")
+    parser.add_argument("--lossless", action="store_true", help="Render lossless videos")
     parser.add_argument("--true-masks", action="store_true", help="Exact silhouettes instead of the images")
     parser.add_argument("--short", action="store_true", help="At most 60 frame sets each")
     parser.add_argument("--ci", action="store_true", help="The fixed set, compared with sweep_bounds.toml")
