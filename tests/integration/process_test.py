@@ -222,7 +222,7 @@ class Process(unittest.TestCase):
         )
         partial = out / ".kinevox-partial"
         deadline = time.time() + 60
-        while not any(partial.glob("volumes/*.ply")) and program.poll() is None and time.time() < deadline:
+        while not any(partial.glob("*/volumes/*.ply")) and program.poll() is None and time.time() < deadline:
             time.sleep(0.01)
         program.send_signal(signal.SIGINT)
         _, errors = program.communicate(timeout=30)

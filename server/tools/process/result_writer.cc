@@ -91,8 +91,7 @@ class FolderWriter final : public ResultWriter {
         : folder_(std::move(folder)),
           partial_(folder_ / kPartial),
           names_(std::move(names)),
-          options_(options),
-          tables_(names_) {}
+          options_(options) {}
 
     ~FolderWriter() override {
         {
@@ -115,32 +114,47 @@ class FolderWriter final : public ResultWriter {
         fs::remove_all(partial_, error);
         fs::create_directories(partial_, error);
         if (error) return cannot_write(partial_, error.message());
-        if (options_.save_silhouettes)
-            for (const std::string& name : names_)
-                fs::create_directories(partial_ / "silhouettes" / name, error);
-        if (options_.save_volumes) fs::create_directories(partial_ / "volumes", error);
-        if (error) return cannot_write(partial_, error.message());
+        if (absl::Status begun = begin_version(); !begun.ok()) return begun;
         if (options_.save_silhouettes || options_.save_volumes)
             for (int n = 0; n < std::max(options_.threads, 1); ++n)
                 threads_.emplace_back([this] { write_waiting(); });
         return absl::OkStatus();
     }
 
+    absl::Status begin_version() override {
+        Version version{partial_ / fmt::to_string(versions_.size()), ResultTables(names_), {}};
+        std::error_code error;
+        fs::create_directories(version.folder, error);
+        if (options_.save_silhouettes)
+            for (const std::string& name : names_)
+                fs::create_directories(version.folder / "silhouettes" / name, error);
+        if (options_.save_volumes) fs::create_directories(version.folder / "volumes", error);
+        if (error) return cannot_write(version.folder, error.message());
+        versions_.push_back(std::move(version));
+        return absl::OkStatus();
+    }
+
     absl::Status add(FrameResultPtr result) override {
-        tables_.add(*result);
+        versions_.back().tables.add(*result);
         std::unique_lock lock(mutex_);
         if (threads_.empty()) return status_;
         changed_.wait(lock, [this] { return static_cast<int>(waiting_.size()) < options_.max_waiting; });
-        waiting_.push_back(std::move(result));
+        waiting_.emplace_back(versions_.back().folder, std::move(result));
         changed_.notify_all();
         return status_;
     }
 
-    void add_table(Table table) override { more_tables_.push_back(std::move(table)); }
+    void add_table(Table table) override { versions_.back().more_tables.push_back(std::move(table)); }
 
-    absl::Status finish() override;
+    absl::Status finish(int version) override;
 
   private:
+    struct Version {
+        fs::path folder;
+        ResultTables tables;
+        std::vector<Table> more_tables;
+    };
+
     // The kernel releases it when this process ends for any reason.
     absl::Status lock() {
         lock_ = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -153,32 +167,31 @@ class FolderWriter final : public ResultWriter {
 
     void write_waiting();
     void end_threads();
-    absl::Status write_one(const FrameResult& result) const;
+    absl::Status write_one(const fs::path& folder, const FrameResult& result) const;
 
     fs::path folder_, partial_;
     std::vector<std::string> names_;
     ResultWriterOptions options_;
-    ResultTables tables_;
-    std::vector<Table> more_tables_;
+    std::vector<Version> versions_;
     bool made_folder_ = false;
     bool opened_ = false;  // else the partial results belong to another process
     int lock_ = -1;
 
     std::mutex mutex_;  // guards the members below, but threads_
     std::condition_variable changed_;
-    std::deque<FrameResultPtr> waiting_;
+    std::deque<std::pair<fs::path, FrameResultPtr>> waiting_;  // with the version's folder
     bool no_more_ = false;
     absl::Status status_;
     std::vector<std::thread> threads_;
 };
 
-absl::Status FolderWriter::write_one(const FrameResult& result) const {
+absl::Status FolderWriter::write_one(const fs::path& folder, const FrameResult& result) const {
     if (options_.save_silhouettes)
         for (std::size_t c = 0; c < names_.size(); ++c) {
             const kernels::Silhouettes& s = result.silhouettes[c];
             if (s.sharp.empty()) continue;  // the camera delivered no image
             const cv::Mat image = as_mat(s.sharp.data(), s.width, s.height);
-            const fs::path file = partial_ / "silhouettes" / names_[c] / six_digits(result.sequence, ".png");
+            const fs::path file = folder / "silhouettes" / names_[c] / six_digits(result.sequence, ".png");
             std::vector<std::uint8_t> png;
             if (!cv::imencode(".png", image, png,
                               {cv::IMWRITE_PNG_COMPRESSION, 1, cv::IMWRITE_PNG_BILEVEL, 1}))
@@ -193,7 +206,7 @@ absl::Status FolderWriter::write_one(const FrameResult& result) const {
         const std::string ending =
             &subject == result.first_subject() ? ".ply" : fmt::format("_s{}.ply", subject.track.subject_id);
         if (absl::Status written =
-                write_volume_ply(*subject.volume, partial_ / "volumes" / six_digits(result.sequence, ending));
+                write_volume_ply(*subject.volume, folder / "volumes" / six_digits(result.sequence, ending));
             !written.ok())
             return written;
     }
@@ -206,12 +219,12 @@ void FolderWriter::write_waiting() {
     for (;;) {
         changed_.wait(lock, [this] { return no_more_ || !waiting_.empty(); });
         if (waiting_.empty()) return;
-        const FrameResultPtr result = std::move(waiting_.front());
+        const auto [folder, result] = std::move(waiting_.front());
         waiting_.pop_front();
         changed_.notify_all();
         if (!status_.ok()) continue;  // drain
         lock.unlock();
-        absl::Status written = write_one(*result);
+        absl::Status written = write_one(folder, *result);
         lock.lock();
         if (!written.ok() && status_.ok()) status_ = std::move(written);
     }
@@ -227,17 +240,18 @@ void FolderWriter::end_threads() {
         if (thread.joinable()) thread.join();
 }
 
-absl::Status FolderWriter::finish() {
+absl::Status FolderWriter::finish(int version) {
     end_threads();
     if (!status_.ok()) return status_;
+    const Version& kept = versions_.at(static_cast<std::size_t>(version));
     std::vector<std::string> made;
     if (options_.save_silhouettes) made.emplace_back("silhouettes");
     if (options_.save_volumes) made.emplace_back("volumes");
-    std::vector<Table> tables = tables_.tables();
-    tables.insert(tables.end(), more_tables_.begin(), more_tables_.end());
+    std::vector<Table> tables = kept.tables.tables();
+    tables.insert(tables.end(), kept.more_tables.begin(), kept.more_tables.end());
     for (const Table& table : tables) {
         made.emplace_back(table.file_name);
-        if (absl::Status written = write_file_atomically(partial_ / table.file_name, table.text);
+        if (absl::Status written = write_file_atomically(kept.folder / table.file_name, table.text);
             !written.ok())
             return written;
     }
@@ -257,7 +271,7 @@ absl::Status FolderWriter::finish() {
         if (error) return cannot_write(each, error.message());
     }
     for (const std::string& name : made) {
-        fs::rename(partial_ / name, folder_ / name, error);
+        fs::rename(kept.folder / name, folder_ / name, error);
         if (error) return cannot_write(folder_ / name, error.message());
     }
     fs::remove_all(partial_, error);

@@ -44,7 +44,7 @@ struct ResultWriterOptions {
 };
 
 // Writes into a hidden folder inside the output folder; finish() moves the results to their place, so that
-// they are always complete. Used by one thread.
+// they are always complete. Of several versions of the results one is kept. Used by one thread.
 class ResultWriter {
   public:
     static absl::StatusOr<std::unique_ptr<ResultWriter>> create(const std::filesystem::path& folder,
@@ -53,12 +53,14 @@ class ResultWriter {
     // Without finish() it removes everything.
     virtual ~ResultWriter() = default;
 
+    // What follows is another version of the results, from the first frame on.
+    virtual absl::Status begin_version() = 0;
     // Results in the order of frames. Returns the first error met so far.
     virtual absl::Status add(FrameResultPtr result) = 0;
     // An additional table.
     virtual void add_table(Table table) = 0;
-    // Blocks until all is written, then replaces the results of an earlier run.
-    virtual absl::Status finish() = 0;
+    // Blocks until all is written, then replaces the results of an earlier run by a version, from 0 on.
+    virtual absl::Status finish(int version) = 0;
 };
 
 }  // namespace kinevox

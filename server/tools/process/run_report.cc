@@ -148,6 +148,9 @@ std::string run_toml(const ProcessOptions& options, const std::string& fingerpri
     text += fmt::format("voxel_mm = {}\n", toml_number(1000 * options.pipeline.voxel_m));
     text += fmt::format("colouring = {}\npose = {}\n", options.pipeline.colouring, options.pipeline.pose);
     text += fmt::format("loose_threshold = {}\n", options.pipeline.segmentation.loose_threshold);
+    text +=
+        fmt::format("judge_faint = {}   # also set where the silhouettes seemed to lack parts without it\n",
+                    options.pipeline.segmentation.judge_faint);
     text += fmt::format("filter_cutoff_hz = {}   # zero-phase low-pass of the poses; 0: off\n",
                         toml_number(options.poses.cutoff_hz));
     text += fmt::format("fingerprint = \"{}\"   # of input, options and program; --resume compares it\n",
