@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
+#include <cstring>
 
 #include "kernels/cpu/dispatch.h"
 #include "kernels/cpu/parallel.h"
 #include "kernels/cpu/segmentation_density.h"
+#include "kernels/shared/kde_evidence.h"
 
 // Compiled for each family that Highway chooses from at run time; the compiler vectorises the plain loops.
 #ifdef KINEVOX_HAVE_HIGHWAY
@@ -71,7 +74,6 @@ kde::BlockDifference FaintBlocks::measure(const BackgroundModel& model, const Im
     const int block_rows = model.height / kRows, columns = model.width / kRows;
     const int step = kde::noise_row_step(block_rows);
     std::array<int, kde::kNoiseBins> means{}, pixels{};
-    int total = 0;
     values_.resize(kRows * cell_bytes);
     for (int row = step / 2; row < block_rows; row += step)
         for (int k = 0; k < model.cells_per_row; ++k) {
@@ -82,18 +84,24 @@ kde::BlockDifference FaintBlocks::measure(const BackgroundModel& model, const Im
             kde::BlockDifference blocks[kde::kFaintBlocks];
             block_differences(values_.data(), cell_bytes, model.cell_reference(y, k), model.cell_scale(y, k),
                               row_bytes, model.channels, blocks);
-            for (int n = 0; n < kde::kFaintBlocks && k * kde::kFaintBlocks + n < columns; ++n, ++total) {
+            for (int n = 0; n < kde::kFaintBlocks && k * kde::kFaintBlocks + n < columns; ++n) {
                 ++means[kde::noise_bin(blocks[n].mean, kde::kMeanBinShift)];
                 ++pixels[kde::noise_bin(blocks[n].pixel, kde::kPixelBinShift)];
             }
         }
-    const auto median = [&](const std::array<int, kde::kNoiseBins>& histogram) {
-        int bin = 0;
-        for (int below = histogram[0]; bin < kde::kNoiseBins - 1 && below <= total / 2;)
-            below += histogram[++bin];
-        return bin;
-    };
-    return kde::usual_difference(median(means), median(pixels), model.channels);
+    return kde::usual_difference(median_bin(means), median_bin(pixels), model.channels);
+}
+
+const std::uint8_t* FaintBlocks::unsure_in_group(int y, int g, const std::uint8_t* density,
+                                                 std::uint8_t* scratch) const {
+    constexpr int kBlocks = kde::kGroupPixels / kde::kFaintBlock_px,
+                  kGroups = kde::kCellPixels / kde::kGroupPixels;
+    const unsigned faint = in_cell(y, g / kGroups) >> g % kGroups * kBlocks & ((1u << kBlocks) - 1);
+    if (faint == 0) return density;
+    std::memcpy(scratch, density, kde::kGroupPixels);
+    for (unsigned left = faint; left != 0; left &= left - 1)
+        std::memset(scratch + std::countr_zero(left) * kde::kFaintBlock_px, 0, kde::kFaintBlock_px);
+    return scratch;
 }
 
 void FaintBlocks::find(const BackgroundModel& model, const std::uint8_t* cells, const std::uint8_t* searched,

@@ -32,6 +32,10 @@ class FaintBlocks {
         return blocks_.empty() ? 0u
                                : blocks_[static_cast<std::size_t>(y / kde::kFaintBlock_px) * columns_ + k];
     }
+    // The density of the pixels of group g of a row, 0 in faint blocks: `density` itself, or a copy in
+    // `scratch`.
+    const std::uint8_t* unsure_in_group(int y, int g, const std::uint8_t* density,
+                                        std::uint8_t* scratch) const;
 
   private:
     std::vector<std::uint16_t> blocks_;  // [row of blocks][cell]

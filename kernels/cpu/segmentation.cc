@@ -19,6 +19,7 @@
 #include "kernels/cpu/segmentation_search.h"
 #include "kernels/cpu/shadow_training.h"
 #include "kernels/segmentation_memory.h"
+#include "kernels/shared/faint_weights.h"
 #include "kernels/shared/kde_evidence.h"
 
 namespace kinevox::kernels {
@@ -93,6 +94,7 @@ class CpuSegmenter final : public RewindableSegmenter {
     Plane product_, energy_, square_, misfit_, distance_, colour_, voted_;  // see ShadowPlanes
     ShadowJudge shadows_;
     FaintBlocks faint_;               // none unless options_.judge_faint
+    float noise_factor_ = 1;          // of the image, with options_.judge_faint
     std::vector<std::int8_t> votes_;  // see kde::SceneView
     bool has_camera_ = false;
     kde::SceneView scene_;
@@ -345,17 +347,12 @@ void CpuSegmenter::vote(const CellBox& box) {
                 const int x0 = g * kGroupPixels, k = x0 / kCellPixels, first = x0 - k * kCellPixels;
                 const std::size_t cell = model_.cell_index(y, k);
                 if (!(active_[cell] >> first / kGroupPixels & 1)) continue;
-                const std::uint8_t* density = density_.data() + cell * kCellPixels + first;
+                std::uint8_t scratch[kGroupPixels];
+                const std::uint8_t* density =
+                    faint_.unsure_in_group(y, g, density_.data() + cell * kCellPixels + first, scratch);
                 const float* evidence = evidence_.row(y) + x0;
                 std::int8_t* sum = sums.data() + x0;
                 const int pixels = std::min(kGroupPixels, width_ - x0);
-                if (const unsigned faint = faint_.in_cell(y, k) >> first / kBlock & 15) {
-                    for (int i = 0; i < pixels; ++i)
-                        sum[i] = static_cast<std::int8_t>(
-                            sum[i] + 1 +
-                            kde::pixel_vote(faint >> i / kBlock & 1 ? 0 : density[i], evidence[i]));
-                    continue;
-                }
 #pragma GCC ivdep
                 for (int i = 0; i < pixels; ++i)
                     sum[i] = static_cast<std::int8_t>(sum[i] + 1 + kde::pixel_vote(density[i], evidence[i]));
@@ -383,7 +380,7 @@ void CpuSegmenter::judge_shadows(const CellBox& box, std::span<const Segmenter* 
         &factor_,   &residual_,      &neighbourhood_, &product_,     &energy_,
         &square_,   &misfit_,        &distance_,      &colour_,      &voted_,
         &evidence_, density_.data(), active_.data(),  votes_.data(), scene_.vote_columns,
-        &faint_};
+        &faint_,    noise_factor_};
     std::vector<const kde::SceneView*> scenes;
     for (const Segmenter* other : others)
         if (other != this && other->scene() && other->scene()->channels == channels_ &&
@@ -585,7 +582,7 @@ void CpuSegmenter::begin_frame(const ImageView& image, const SegmentationPrior& 
                  [&](int first, int last) { density_rows(image, first, last, work_.k0, work_.k1, true); });
     if (options_.judge_faint) {
         const kde::BlockDifference usual = faint_.measure(model_, image, inverse_gain_);
-        parameters_.noise_factor = kde::noise_factor(usual, channels_, parameters_.noise_fraction);
+        noise_factor_ = kde::noise_factor(usual, channels_, parameters_.noise_fraction);
         faint_.find(model_, cells_.data(), searched_.data(), work_, usual);
     }
     active_box_ = find_active(work_);

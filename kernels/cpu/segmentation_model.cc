@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -26,6 +27,14 @@ std::array<std::uint16_t, 3> fixed_point_inverse(const GainBgr& gain) {
     for (int c = 0; c < 3; ++c)
         inverse[c] = static_cast<std::uint16_t>(std::clamp(std::lround(16384.0 / gain[c]), 1l, 65535l));
     return inverse;
+}
+
+int median_bin(std::span<const int> histogram) {
+    const int half = std::accumulate(histogram.begin(), histogram.end(), 0) / 2;
+    int below = 0;
+    for (int bin = 0; bin < static_cast<int>(histogram.size()); ++bin)
+        if ((below += histogram[bin]) > half) return bin;
+    return 0;
 }
 
 GainBgr estimate_gain(const BackgroundModel& model, const ImageView& image) {
@@ -56,10 +65,7 @@ GainBgr estimate_gain(const BackgroundModel& model, const ImageView& image) {
         for (const Pair& p : pairs[c])
             ++histogram[std::min(kBins - 1, (p.value * kOne + p.reference / 2) / p.reference)];
         if (total < 50) continue;
-        int median = 0;
-        for (int below = 0; median < kBins && below + histogram[median] <= total / 2; ++median)
-            below += histogram[median];
-        const float centre = static_cast<float>(median) / kOne;
+        const float centre = static_cast<float>(median_bin(histogram)) / kOne;
         std::int64_t values = 0, references = 0;
         for (const Pair& p : pairs[c])
             if (std::abs(p.value - centre * p.reference) < 0.04f * p.reference + 1.0f)

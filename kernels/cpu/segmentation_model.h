@@ -89,6 +89,9 @@ BackgroundModel learn_background(std::span<const ImageView> empty_scene, int wid
 // then the mean of those near it, so that neither a person nor a lamp moves it.
 GainBgr estimate_gain(const BackgroundModel& model, const ImageView& image);
 
+// The bin that has half of the histogram's total below or in it; 0 if it is empty.
+int median_bin(std::span<const int> histogram);
+
 std::array<std::uint16_t, 3> fixed_point_inverse(const GainBgr& gain);
 
 }  // namespace kinevox::kernels::cpu

@@ -129,14 +129,9 @@ void ShadowJudge::find_doubtful(int y, const GroupSpan& span, const ShadowPlanes
             if (vote >= kde::kMinJudgedVote && vote < kde::kMaxVote) wanted |= 15u << n * kde::kVoteBlock_px;
         }
         if (wanted == 0) continue;
-        const std::uint8_t* density = planes.density + cell * kCellPixels + first;
-        std::uint8_t unsure[kGroupPixels];
-        if (const unsigned faint = planes.faint->in_cell(y, k) >> first / kde::kFaintBlock_px & 15) {
-            std::memcpy(unsure, density, kGroupPixels);
-            for (unsigned left = faint; left != 0; left &= left - 1)
-                std::memset(unsure + std::countr_zero(left) * kde::kFaintBlock_px, 0, kde::kFaintBlock_px);
-            density = unsure;
-        }
+        std::uint8_t scratch[kGroupPixels];
+        const std::uint8_t* density =
+            planes.faint->unsure_in_group(y, g, planes.density + cell * kCellPixels + first, scratch);
         unsigned doubtful = wanted & doubtful_pixels(density, evidence + x0);
         if (x0 + kGroupPixels > model.width) doubtful &= (1u << (model.width - x0)) - 1;
         for (int half = 0; half < 2; ++half) {
@@ -167,6 +162,7 @@ void ShadowJudge::judge_row(int y, const ShadowPlanes& planes, const kde::Eviden
     ShadowGroup group;
     group.with_features = static_cast<bool>(observer_);
     group.view_count = static_cast<int>(floor.others.size());
+    group.noise_factor = planes.noise_factor;
     for (int g = judged_span_[y].g0; g < judged_span_[y].g1; ++g) {
         const std::size_t at = static_cast<std::size_t>(y) * groups_per_row_ + g;
         const unsigned doubtful = doubtful_[at];
@@ -184,7 +180,7 @@ void ShadowJudge::judge_row(int y, const ShadowPlanes& planes, const kde::Eviden
                         planes.neighbourhood->row(y) + x0, planes.misfit->row(y) + x0, planes.factor->stride};
         group.distance = planes.distance->row(y) + x0;
         group.colour = planes.colour->row(y) + x0;
-        shadow_group(kChannels, parameters, group);
+        shadow_group(kChannels, parameters.shadow, group);
         for (unsigned left = doubtful; left != 0; left &= left - 1) {
             const int i = std::countr_zero(left);
             if (observer_) {

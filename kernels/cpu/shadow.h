@@ -25,6 +25,7 @@ struct ShadowPlanes {
     const std::int8_t* votes;     // of this camera, see kde::SceneView
     int vote_columns;
     const FaintBlocks* faint;
+    float noise_factor;  // see kde::noise_factor()
 };
 
 class ShadowJudge {

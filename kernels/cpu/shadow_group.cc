@@ -58,17 +58,16 @@ ShadowFloats spread(const float* of_block, [[maybe_unused]] int first) {
 }
 
 template <int kChannels>
-void group_of(const kde::EvidenceParameters& parameters, ShadowGroup& group) {
+void group_of(const kde::ShadowRule& rule, ShadowGroup& group) {
     for (int i = 0; i < kGroupPixels; i += kShadowLanes) {
         const kde::ShadowPixels& p = group.pixels;
         auto e = kde::own_evidence<kChannels, ShadowFloats>(
             kde::load<ShadowFloats>(group.distance + i), kde::load<ShadowFloats>(group.colour + i),
-            {p.factor + i, p.residual + i, p.neighbourhood + i, p.misfit + i, p.stride},
-            parameters.noise_factor);
+            {p.factor + i, p.residual + i, p.neighbourhood + i, p.misfit + i, p.stride}, group.noise_factor);
         for (int n = 0; n < group.view_count; ++n)
             kde::add_floor_light(e, spread<kde::kFloorBlock_px>(group.floor_light[n], i));
         e.support = spread<kde::kSupportBlock_px>(group.support.data(), i);
-        const auto odds = kde::shadow_log_odds(e, parameters.shadow);
+        const auto odds = kde::shadow_log_odds(e, rule);
         std::memcpy(group.own + i, &odds.own, sizeof odds.own);
         std::memcpy(group.voted + i, &odds.voted, sizeof odds.voted);
         if (!group.with_features) continue;
@@ -94,11 +93,11 @@ unsigned doubtful_pixels(const std::uint8_t* density, const float* evidence) {
     return mask;
 }
 
-void shadow_group(int channels, const kde::EvidenceParameters& parameters, ShadowGroup& group) {
+void shadow_group(int channels, const kde::ShadowRule& rule, ShadowGroup& group) {
     if (channels == 1)
-        group_of<1>(parameters, group);
+        group_of<1>(rule, group);
     else
-        group_of<3>(parameters, group);
+        group_of<3>(rule, group);
 }
 
 void misfit_row(const float* product, const float* energy, const float* square, std::ptrdiff_t stride,
@@ -143,8 +142,8 @@ KINEVOX_EXPORT(misfit_row);
 unsigned doubtful_pixels(const std::uint8_t* density, const float* evidence) {
     return KINEVOX_DISPATCH(doubtful_pixels)(density, evidence);
 }
-void shadow_group(int channels, const kde::EvidenceParameters& parameters, ShadowGroup& group) {
-    KINEVOX_DISPATCH(shadow_group)(channels, parameters, group);
+void shadow_group(int channels, const kde::ShadowRule& rule, ShadowGroup& group) {
+    KINEVOX_DISPATCH(shadow_group)(channels, rule, group);
 }
 void misfit_row(const float* product, const float* energy, const float* square, std::ptrdiff_t stride,
                 int width, int channels, float* misfit) {

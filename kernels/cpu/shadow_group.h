@@ -15,6 +15,7 @@ inline constexpr int kFloorBlocks = kde::kGroupPixels / kde::kFloorBlock_px;  //
 // 16 pixels of a row.
 struct ShadowGroup {
     kde::ShadowPixels pixels;
+    float noise_factor = 1;                                  // see kde::noise_factor()
     int view_count = 0;                                      // other cameras
     float floor_light[kde::kMaxFloorViews][kFloorBlocks];    // negative: not known
     std::array<float, 2> support;                            // of its halves
@@ -28,7 +29,7 @@ struct ShadowGroup {
 unsigned doubtful_pixels(const std::uint8_t* density, const float* evidence);
 
 // Fills own and voted, and features if they are wanted.
-void shadow_group(int channels, const kde::EvidenceParameters& parameters, ShadowGroup& group);
+void shadow_group(int channels, const kde::ShadowRule& rule, ShadowGroup& group);
 
 // The misfit of the light that fits a patch of 7 x 7 best, per channel and pixel, around `width` pixels of a
 // row (at most kMaxRowPixels); the planes have `stride` floats a row.

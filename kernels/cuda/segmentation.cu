@@ -21,6 +21,7 @@
 #include "kernels/cuda/segmentation_steps.h"
 #include "kernels/floor_grid.h"
 #include "kernels/segmentation_memory.h"
+#include "kernels/shared/faint_weights.h"
 
 namespace kinevox::kernels {
 namespace cuda {

@@ -84,6 +84,7 @@ __global__ void __launch_bounds__(kGainThreads) begin_kernel(const SegmentData* 
         CameraState& s = *d.state;
         s.box.y0 = d.height, s.box.y1 = 0, s.box.k0 = d.cells_per_row, s.box.k1 = 0;
         s.vote_box[0] = d.vote_columns(), s.vote_box[1] = d.vote_rows(), s.vote_box[2] = s.vote_box[3] = 0;
+        s.noise_factor = 1;
         s.subject_blocks = s.listed = s.near_listed = s.active_listed = s.changed = 0;
     }
     const int blocks = d.vote_columns() * d.vote_rows(), words = d.height * d.cells_per_row;
@@ -204,15 +205,13 @@ __device__ int active_groups(const SegmentData& d, int y, int k) {
 #pragma unroll
     for (int near = -kActiveMargin; near <= kActiveMargin; ++near) {  // all loads at once
         if (y + near < d.work.y0 || y + near >= d.work.y1) continue;
-        const std::uint8_t* candidates = d.candidates + d.cell(y + near, k);
-        groups |= candidates[0] & kde::kAllGroups;
-        if (k > d.work.k0 && candidates[-1] & kde::kNearRight) groups |= 1;
-        if (k + 1 < d.work.k1 && candidates[1] & kde::kNearLeft) groups |= kde::kLastGroup;
-        if (!d.judge_faint) continue;
-        const std::uint16_t* faint = d.faint + d.faint_cell(y + near, k);
-        groups |= kde::groups_near(faint[0]) & kde::kAllGroups;
-        if (k > d.work.k0 && kde::groups_near(faint[-1]) & kde::kNearRight) groups |= 1;
-        if (k + 1 < d.work.k1 && kde::groups_near(faint[1]) & kde::kNearLeft) groups |= kde::kLastGroup;
+        const auto unsure_near = [&](int cell) {
+            const int faint = d.judge_faint ? d.faint[d.faint_cell(y + near, cell)] : 0;
+            return d.candidates[d.cell(y + near, cell)] | kde::groups_near(faint);
+        };
+        groups |= unsure_near(k) & kde::kAllGroups;
+        if (k > d.work.k0 && unsure_near(k - 1) & kde::kNearRight) groups |= 1;
+        if (k + 1 < d.work.k1 && unsure_near(k + 1) & kde::kNearLeft) groups |= kde::kLastGroup;
     }
     return groups;
 }

@@ -55,7 +55,9 @@ __global__ void __launch_bounds__(kMedianThreads) noise_kernel(const SegmentData
     __syncthreads();
     find_median(means, warp_sums, median);
     find_median(pixels, warp_sums, median + 1);
-    if (n == 0) d.state->usual = kde::usual_difference(median[0], median[1], kChannels);
+    if (n > 0) return;
+    d.state->usual = kde::usual_difference(median[0], median[1], kChannels);
+    d.state->noise_factor = kde::noise_factor(d.state->usual, kChannels, d.parameters.noise_fraction);
 }
 
 // A thread a row of blocks and a cell: finds its faint blocks.

@@ -96,7 +96,7 @@ __device__ kde::ShadowLogOdds<float> odds_of(const SegmentData& d, const FloorLi
     auto e = kde::own_evidence<kChannels, float>(
         distance, d.log_foreground[kde::histogram_bin<kChannels>(d.values + plane)],
         {d.factor + at, d.residual + at, d.neighbourhood + at, d.misfit + at, d.stride()},
-        d.judge_faint ? kde::noise_factor(d.state->usual, kChannels, d.parameters.noise_fraction) : 1.0f);
+        d.state->noise_factor);
     for (int n = 0; n < d.other_count; ++n)
         kde::add_floor_light(e, lights.light[n][x % kCellPixels / kde::kFloorBlock_px]);
     e.support = support;

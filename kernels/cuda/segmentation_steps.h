@@ -40,6 +40,7 @@ inline constexpr int kSurroundings =
 struct CameraState {
     int gain_64[3];                  // cpu::fixed_point_inverse()
     kde::BlockDifference usual;      // of the background's blocks, where faint ones are judged
+    float noise_factor;              // kde::noise_factor(), or 1
     CellRange box;                   // around the active cells
     int vote_box[4];                 // of the vote blocks in the subject: x0 y0 x1 y1
     int subject_blocks;              // their number

@@ -10,7 +10,6 @@
 #include <cstdint>
 
 #include "kernels/shared/device.h"
-#include "kernels/shared/faint_weights.h"
 #include "kernels/shared/kde_density.h"
 #include "kernels/shared/shadow_weights.h"
 
@@ -31,8 +30,7 @@ struct EvidenceParameters {
     // kernel sum, and of the brightness.
     float noise_fraction = 0.3f;
     float relative_std = 0.01f;
-    float limit = 8.0f;      // of the evidence, either sign, nats
-    float noise_factor = 1;  // of squared distances in the rule, see kde_faint.h; of each image
+    float limit = 8.0f;  // of the evidence, either sign, nats
     ShadowRule shadow;
 };
 

@@ -151,17 +151,23 @@ class ShadowCuda : public ::testing::Test {
 INSTANTIATE_TEST_SUITE_P(Devices, Shadow, ::testing::Values(Device::kCpu, Device::kCuda),
                          [](const auto& info) { return info.param == Device::kCpu ? "Cpu" : "Cuda"; });
 
-TEST_P(Shadow, StaysBackgroundWhenAllCamerasSeeTheFloorDark) {
-    Rig rig(GetParam());
+// A round shadow of 0.5 m with a soft edge, in every camera; `shaded`: pixels of its inner part.
+std::array<TestImage, 3> with_shadow(Rig& rig, double light, double edge_m, int& shaded) {
     std::array<TestImage, 3> images;
-    int dark = 0;
+    shaded = 0;
     for (int c = 0; c < 3; ++c)
         images[c] = rig.cameras[c].image([&](FloorPoint p, int, int) {
-            // A soft edge of 10 cm.
-            const double inside = std::clamp((0.5 - std::hypot(p.x, p.y)) / 0.1, 0.0, 1.0);
-            dark += inside > 0.5;
-            return 1 - (1 - kDark) * inside;
+            const double inside = std::clamp((0.5 - std::hypot(p.x, p.y)) / edge_m, 0.0, 1.0);
+            shaded += inside > 0.5;
+            return 1 - (1 - light) * inside;
         });
+    return images;
+}
+
+TEST_P(Shadow, StaysBackgroundWhenAllCamerasSeeTheFloorDark) {
+    Rig rig(GetParam());
+    int dark = 0;
+    const auto images = with_shadow(rig, kDark, 0.1, dark);
     const auto out = rig.segment(images);
     std::int64_t found = 0;
     for (const Silhouettes& s : out) found += s.sharp_pixels;
@@ -277,14 +283,8 @@ TEST_P(Shadow, FindsClothesOfTheFloorsColourWhenFaintBlocksAreJudged) {
 
 TEST_P(Shadow, StaysBackgroundWhenFaintBlocksAreJudged) {
     Rig rig(GetParam(), {}, {.judge_faint = true});
-    std::array<TestImage, 3> images;
     int shaded = 0;
-    for (int c = 0; c < 3; ++c)
-        images[c] = rig.cameras[c].image([&](FloorPoint p, int, int) {
-            const double inside = std::clamp((0.5 - std::hypot(p.x, p.y)) / 0.2, 0.0, 1.0);
-            shaded += inside > 0.5;
-            return 1 - 0.1 * inside;  // hardly darker
-        });
+    const auto images = with_shadow(rig, 0.9, 0.2, shaded);
     const auto out = rig.segment(images);
     std::int64_t found = 0;
     for (const Silhouettes& s : out) found += s.sharp_pixels;
