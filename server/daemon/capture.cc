@@ -31,7 +31,8 @@ Capture::Capture(const DaemonConfig& given)
     : config(given),
       background(background_folder(config), [](const std::string& message) { spdlog::info("{}", message); }),
       quality({.several_subjects = config.tracking.several_subjects(),
-               .subjects_selected = config.tracking.rules != SubjectRules{}}) {}
+               .subjects_selected = config.tracking.rules != SubjectRules{},
+               .judge_faint = config.segmentation.options.judge_faint}) {}
 
 absl::StatusOr<std::unique_ptr<Capture>> Capture::create(const DaemonConfig& config,
                                                          const MakeGpu& make_gpu) {

@@ -29,7 +29,6 @@ constexpr std::size_t kHeldOutFrames = 8, kHeldOutInterval = 6;
 // Starts of the fit, relative to the given body; one of the others replaces it if it costs clearly less.
 constexpr std::array<double, 3> kStartScales{1, 0.88, 1.14};
 constexpr double kClearlyBetter = 0.9, kCostWithoutPose = 5000;
-constexpr std::size_t kTriedFrames = 4;
 
 constexpr double kMinGrowth_m = 0.02;  // of the stature by legs that stand: a raised heel adds less
 constexpr double kFloatingCost = 5;    // negative log odds of a subject that stands on something invisible
@@ -322,7 +321,8 @@ BodyShape start_of_right_size(const std::vector<Camera>& cameras, double fps,
                               const std::stop_token& stop) {
     if (options.stature_m) return scaled(start, *options.stature_m / start.stature_m);
     const auto tried =
-        evenly(std::vector<const PoseObservation*>(frames.begin(), frames.end()), kTriedFrames);
+        evenly(std::vector<const PoseObservation*>(frames.begin(), frames.end()),
+               static_cast<std::size_t>(options.size_frames));
     std::array<double, kStartScales.size()> cost{};
     std::vector<double> costs(kStartScales.size() * tried.size());
     oneapi::tbb::parallel_for(std::size_t{0}, costs.size(), [&](std::size_t k) {

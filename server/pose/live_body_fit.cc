@@ -4,6 +4,7 @@
 #include <oneapi/tbb/task_arena.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "common/background_priority.h"
@@ -18,9 +19,32 @@ constexpr double kMaxWait_s = 20;         // for a subject after a request
 constexpr double kReportGone_s = 60;      // whether a requested fit succeeded
 constexpr std::size_t kMaxSubjects = 64;  // remembered, gone ones included
 constexpr int kAttempts = 3;              // automatic ones
+// Of a preliminary fit, which must be there soon.
+constexpr int kPreliminaryRounds = 1, kPreliminarySizeFrames = 2;
 
 double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
     return 1e-9 * static_cast<double>(to_ns - from_ns);
+}
+
+void set_fit(const BodyFit& fit, BodyFitProgress& progress) {
+    progress.body = fit.shape;
+    progress.fit = fit;
+    progress.stored_path.clear();
+    progress.message =
+        fmt::format("stature {:.2f} m, fitted to {} frame sets, contour residual {:.0f} mm",
+                    fit.shape.stature_m, fit.frame_set_count, 1000 * fit.contour_residual_rms_m);
+}
+
+// Whether two fits can be of one person.
+bool agree(const BodyFit& a, const BodyFit& b) {
+    constexpr double kMaxStds = 3;
+    const auto near = [](double difference, double std_a, double std_b) {
+        return std::abs(difference) <= kMaxStds * std::hypot(std_a, std_b);
+    };
+    for (int k = 0; k < kBodyLengthCount; ++k)
+        if (!near(a.shape.lengths_m[k] - b.shape.lengths_m[k], a.lengths_std_m[k], b.lengths_std_m[k]))
+            return false;
+    return near(a.shape.stature_m - b.shape.stature_m, a.stature_std_m, b.stature_std_m);
 }
 
 }  // namespace
@@ -87,6 +111,8 @@ void LiveBodyFit::begin(std::uint32_t key, double seconds, bool requested) {
     subject.collecting.emplace(Collecting{});
     subject.collecting->seconds = seconds;
     subject.collecting->requested = requested;
+    subject.collecting->preliminary_due =
+        !requested && options_.preliminary_duration_s > 0 && options_.preliminary_duration_s < seconds;
     if (requested) subject.attempts_left = 0;  // an automatic fit does not replace a requested one
     subject.progress.state = BodyFitState::kCollecting;
     subject.progress.progress = 0;
@@ -248,22 +274,32 @@ void LiveBodyFit::keep(std::uint32_t key, std::int64_t time_ns, const PoseObserv
     const double apart_s = std::max(1 / kMaxRate_hz, collecting.seconds / kMaxFrames);
     constexpr double kJitter = 0.75;  // fraction of the spacing after which the next one is accepted
     if (!collecting.last_ns || seconds_between(*collecting.last_ns, time_ns) >= kJitter * apart_s) {
-        auto frame = std::make_unique<PoseObservation>(seen);
+        auto frame = std::make_shared<PoseObservation>(seen);
         for (std::size_t c = 0; c < frame->views.size() && c < cameras_->size(); ++c)
             if (frame->views[c].camera)
                 frame->views[c].camera = &(*cameras_)[c];  // outlives the pipeline's cameras
         collecting.frames.push_back(std::move(frame));
         collecting.last_ns = time_ns;
     }
-    subject.progress.progress =
-        std::clamp(seconds_between(*collecting.first_ns, time_ns) / collecting.seconds, 0.0, 1.0);
+    const double collected_s = seconds_between(*collecting.first_ns, time_ns);
+    subject.progress.progress = std::clamp(collected_s / collecting.seconds, 0.0, 1.0);
+    if (collecting.preliminary_due && collected_s >= options_.preliminary_duration_s) {
+        collecting.preliminary_due = false;
+        enqueue(key, collecting.frames, true);
+    }
     if (subject.progress.progress < 1) return;
-    subject.stop = std::stop_source();
-    to_fit_.push_back({key, cameras_, std::move(collecting.frames),
-                       collecting.requested && !options_.file.empty(), subject.stop.get_token()});
+    enqueue(key, std::move(collecting.frames), false);
     subject.collecting.reset();
     subject.progress.state = BodyFitState::kFitting;
     subject.progress.progress = 0;
+}
+
+void LiveBodyFit::enqueue(std::uint32_t key, Frames frames, bool preliminary) {
+    cancel(key);  // a preliminary fit that is still running
+    Subject& subject = subject_of(key);
+    subject.stop = std::stop_source();
+    const bool store = subject.progress.requested && !options_.file.empty();
+    to_fit_.push_back({key, cameras_, std::move(frames), preliminary, store, subject.stop.get_token()});
     changed_.notify_all();
 }
 
@@ -322,18 +358,25 @@ void LiveBodyFit::fit_loop() {
 void LiveBodyFit::fit(const ToFit& job) {
     std::vector<const PoseObservation*> seen;
     for (const auto& frame : job.frames) seen.push_back(frame.get());
-    const auto fitted = fit_body(
-        *job.cameras, fps_, seen, posing_.body, posing_, options_.fit, job.stop, [&](double progress) {
-            {
-                const std::scoped_lock lock(mutex_);
-                if (job.stop.stop_requested()) return;
-                double& shown = subjects_.at(job.key).progress.progress;
-                const bool same = static_cast<int>(10 * progress) == static_cast<int>(10 * shown);
-                shown = progress;
-                if (same) return;
-            }
-            report({});
-        });
+    const auto show = [&](double progress) {
+        {
+            const std::scoped_lock lock(mutex_);
+            if (job.stop.stop_requested()) return;
+            double& shown = subjects_.at(job.key).progress.progress;
+            const bool same = static_cast<int>(10 * progress) == static_cast<int>(10 * shown);
+            shown = progress;
+            if (same) return;
+        }
+        report({});
+    };
+    BodyFitOptions fitting = options_.fit;
+    if (job.preliminary) fitting.rounds = kPreliminaryRounds, fitting.size_frames = kPreliminarySizeFrames;
+    const auto fitted = fit_body(*job.cameras, fps_, seen, posing_.body, posing_, fitting, job.stop,
+                                 job.preliminary ? std::function<void(double)>() : show);
+    if (job.preliminary) {
+        if (fitted.ok() && use_preliminary(job, *fitted)) report({});
+        return;
+    }
     // Stores before applying, so that the active body is always on disk.
     absl::Status stored;
     if (fitted.ok() && job.store) stored = write_body_shape(fitted->shape, options_.file);
@@ -349,15 +392,11 @@ void LiveBodyFit::fit(const ToFit& job) {
             subject.attempts_left = 0;
             progress.state = BodyFitState::kReady;
             progress.progress = 1;
-            progress.body = fitted->shape;
-            progress.fit = *fitted;
+            set_fit(*fitted, progress);
             progress.stored_path = job.store && stored.ok() ? options_.file : std::filesystem::path();
-            progress.message = fmt::format(
-                "stature {:.2f} m, fitted to {} frame sets, contour residual {:.0f} mm{}",
-                fitted->shape.stature_m, fitted->frame_set_count, 1000 * fitted->contour_residual_rms_m,
-                !job.store    ? ""
-                : stored.ok() ? "; stored in " + options_.file.string()
-                              : "; cannot be stored: " + std::string(stored.message()));
+            if (job.store)
+                progress.message += stored.ok() ? "; stored in " + options_.file.string()
+                                                : "; cannot be stored: " + std::string(stored.message());
             if (lone_id_ != 0 && !progress.requested) {
                 lone_fits_.insert_or_assign(lone_id_, progress);
                 if (lone_fits_.size() > kMaxSubjects) lone_fits_.erase(lone_fits_.begin());  // ids ascend
@@ -366,6 +405,16 @@ void LiveBodyFit::fit(const ToFit& job) {
         }
     }
     report(ended);
+}
+
+// A fitted body that agrees with it stays in use: it is of more frame sets.
+bool LiveBodyFit::use_preliminary(const ToFit& job, const BodyFit& fit) {
+    const std::scoped_lock lock(mutex_);
+    if (job.stop.stop_requested()) return false;
+    BodyFitProgress& progress = subjects_.at(job.key).progress;
+    if (progress.fit && agree(fit, *progress.fit)) return false;
+    set_fit(fit, progress);
+    return true;
 }
 
 }  // namespace kinevox

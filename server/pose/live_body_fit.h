@@ -1,5 +1,5 @@
 // Fits the body model to the captured subjects in the background: on request, and automatically from the
-// first seconds with a subject.
+// first seconds with a subject, after a preliminary fit to the first second.
 //
 // Threads: the pipeline calls observe() and body_in_use(), any thread the others. The callbacks may come
 // from any thread and must not call back into this class.
@@ -42,6 +42,9 @@ struct BodyFitProgress {
 struct LiveBodyFitOptions {
     bool automatic = true;  // fits to the first seconds with a subject
     double automatic_duration_s = 6;
+    // Another fit precedes it after that time; short movements, such as a sprinter's start, end before the
+    // automatic one. 0: none.
+    double preliminary_duration_s = 0.5;
     std::filesystem::path file;  // stores bodies fitted on request; empty: does not store
     // Several at once, each with a body of its own. Otherwise a requested body is that of all, and an
     // automatic one that of its subject: the next person begins with it, until another is fitted.
@@ -94,18 +97,20 @@ class LiveBodyFit {
     void close();
 
   private:
-    using Frames = std::vector<std::unique_ptr<PoseObservation>>;
+    using Frames = std::vector<std::shared_ptr<const PoseObservation>>;
     using Cameras = std::shared_ptr<const std::vector<Camera>>;  // the frames point into them
     struct ToFit {
         std::uint32_t key = 0;  // of the subject in subjects_
         Cameras cameras;
         Frames frames;
+        bool preliminary = false;  // more frames of the same subject are being collected
         bool store = false;
         std::stop_token stop;
     };
     struct Collecting {
         double seconds = 0;
         bool requested = false;
+        bool preliminary_due = false;
         // Capture times of the request and of the first and latest observation kept.
         std::optional<std::int64_t> requested_ns, first_ns, last_ns;
         Frames frames;
@@ -125,6 +130,7 @@ class LiveBodyFit {
     void cancel(std::uint32_t key);
     void fail(Subject& subject, std::string message, Ended& ended);
     void keep(std::uint32_t key, std::int64_t time_ns, const PoseObservation& seen);
+    void enqueue(std::uint32_t key, Frames frames, bool preliminary);
     bool restart();
     Subject& subject_of(std::uint32_t key);
     bool observe_one(std::uint32_t key, std::int64_t time_ns, const PoseObservation* seen, Ended& ended);
@@ -136,6 +142,7 @@ class LiveBodyFit {
 
     void fit_loop();
     void fit(const ToFit& job);
+    bool use_preliminary(const ToFit& job, const BodyFit& fit);
     void report(const Ended& ended);
 
     const double fps_;

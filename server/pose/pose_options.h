@@ -189,6 +189,7 @@ void visit_options(T& o, F&& f) {
 
 struct BodyFitOptions {
     int max_frames = 40;              // maximum number used, evenly chosen
+    int size_frames = 4;              // in which bodies of several sizes are tried first
     int rounds = 2;                   // of tracking and fitting
     int steps = 10;                   // each with a wide and a narrow kernel
     double independent_frames = 4;    // maximum effective number of independent frames

@@ -15,7 +15,7 @@ constexpr double kFrameSetTemperature = 12;
 }  // namespace
 
 std::string BodyFitOptions::check() const {
-    if (max_frames < 1 || rounds < 1 || steps < 1)
+    if (max_frames < 1 || size_frames < 1 || rounds < 1 || steps < 1)
         return "body fit: frames, rounds and steps must be at least 1";
     if (!(independent_frames > 0) || !(stature_std_m > 0))
         return "body fit: independent_frames and stature_std_m must be positive";

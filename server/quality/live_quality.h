@@ -27,6 +27,7 @@ struct LiveQualityOptions {
     int max_side_px = 480;                                                      // of the reduced images
     bool several_subjects = false;   // are followed; otherwise all tracked ones are one person
     bool subjects_selected = false;  // by rules that exclude other people
+    bool judge_faint = false;        // of the segmentation
 };
 
 // set_background(), observe() and report() by any thread; none blocks.

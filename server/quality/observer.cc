@@ -115,6 +115,7 @@ Observer::Observer(const std::vector<Camera>& cameras, const std::vector<std::ve
         state_->seen.cameras.push_back(reduced(cameras[c], factor));
     }
     kernels::SegmentationOptions segmentation;
+    segmentation.judge_faint = options.judge_faint;
     segmentation.absorb_frames = 100'000'000;  // what stands still must stay visible
     oneapi::tbb::parallel_for(std::size_t{0}, cameras.size(), [&](std::size_t c) {
         std::vector<cv::Mat> images, greys;

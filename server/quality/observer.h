@@ -25,6 +25,7 @@ struct ObserverOptions {
     int max_side_px = 640;
     std::size_t max_samples = 40;  // frame sets held; beyond, every other one is dropped
     bool latest = false;           // or rather the oldest one, for a live capture
+    bool judge_faint = false;      // of the segmentation
 };
 
 struct PosedFrame {

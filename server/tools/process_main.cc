@@ -65,6 +65,8 @@ void declare(CLI::App& app, Arguments& arguments) {
                    "Measured stature of the subject with shoes (m; default: estimated)")
         ->check(CLI::Range(0.5, 2.5))
         ->excludes("--body");
+    app.add_flag("--single-run", options.single_run,
+                 "Do not process the session again where silhouettes may lack parts of the subject");
     app.add_option("--smooth-hz", options.poses.cutoff_hz, "Zero-phase low-pass cutoff (Hz; 0: off)")
         ->check(CLI::Range(0.0, 1000.0))
         ->capture_default_str();

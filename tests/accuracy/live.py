@@ -1,12 +1,15 @@
 #!/usr/bin/env python3
 """The daemon's live path against ground truth, every result: joints, silent errors and stated standard deviations.
 
-usage: live.py [--sequences NAME,...] [--body fitted|default|automatic] [--option LINE] [--daemon PROGRAM] [--client PROGRAM]
-               [--process PROGRAM] [--work FOLDER] [--max-ratio N] [--max-silent N]
+usage: live.py [--sequences NAME,...] [--body fitted|default|automatic] [--pacing as_fast_as_possible|real_time] [--spans S,...]
+               [--option LINE] [--daemon PROGRAM] [--client PROGRAM] [--process PROGRAM] [--work FOLDER] [--max-ratio N]
+               [--max-silent N]
 
 The daemon captures each sequence as fast as it can and records its poses, which are causal; `kinevox process` reads the same
 session. Columns as in rates.py, "x" is the error over that of `process`. --body: fitted as `kinevox process` found it, the
-default of an average adult, or fitted by the daemon to its first seconds. Exit status 77 without the shared test data."""
+default of an average adult, or fitted by the daemon to its first seconds, which takes time: use --pacing real_time.
+--spans 2,5: further rows for the time before 2 s, from there to 5 s, and after. Exit status 77 without the shared test
+data."""
 import argparse
 import shutil
 import subprocess
@@ -32,12 +35,13 @@ def capture(arguments, name, folder, body, out):
     pose += "".join(f"{line}\n" for line in arguments.option)
     if body:
         pose += f'body_file = "{body}"\n'
-    daemon = Daemon(arguments, folder, "as_fast_as_possible", RECORDING, loop=False, autostart=False, pose=pose)
+    daemon = Daemon(arguments, folder, arguments.pacing, RECORDING, loop=False, autostart=False, pose=pose)
     try:
         daemon.client("record", "start", name)
         daemon.client("start")
         latest = daemon.wait_until_idle()["latest"]
-        if latest["dropped_frame_set_count"] or latest["lost_frame_set_count"]:
+        dropped = latest["dropped_frame_set_count"] or latest["lost_frame_set_count"]
+        if dropped and arguments.pacing != "real_time":
             raise SystemExit(f"{name}: frame sets were dropped; run again on a machine with less load")
         shutil.copytree(daemon.recordings / name / "poses", out, dirs_exist_ok=True)
     finally:
@@ -54,9 +58,14 @@ def one(arguments, name, work):
     with tempfile.TemporaryDirectory() as scratch:
         body = processed / "body.toml" if arguments.body == "fitted" else None
         capture(arguments, name, Path(scratch), body, work / name / "live")
-    row = measure(folder / "truth", fps, work / name / "live")
-    row["ratio"] = row["mean_mm"] / offline["mean_mm"]
-    return row
+    rows = []
+    limits = [0, *arguments.spans, np.inf]
+    for span in [(0, np.inf), *zip(limits, limits[1:])][: None if arguments.spans else 1]:
+        row = measure(folder / "truth", fps, work / name / "live", span)
+        row["ratio"] = row["mean_mm"] / offline["mean_mm"]
+        row["span"] = span
+        rows.append(row)
+    return rows
 
 
 def main():
@@ -64,6 +73,8 @@ def main():
     add_arguments(parser)
     parser.add_argument("--sequences", default=",".join(SEQUENCES))
     parser.add_argument("--body", choices=("fitted", "default", "automatic"), default="fitted")
+    parser.add_argument("--pacing", choices=("as_fast_as_possible", "real_time"), default="as_fast_as_possible")
+    parser.add_argument("--spans", type=lambda text: [float(s) for s in text.split(",")], default=[])
     parser.add_argument("--option", action="append", default=[], help="Line of the configuration's [pose], repeatable")
     parser.add_argument("--work", type=Path, help="Keep the results there, and reuse those of `kinevox process`")
     parser.add_argument("--max-ratio", type=float, default=np.inf)
@@ -78,8 +89,10 @@ def main():
         print(heading(), flush=True)
         rows = []
         for name in arguments.sequences.split(","):
-            row = one(arguments, name, work)
+            row, *spans = one(arguments, name, work)
             print(text(name, 1, row, None), flush=True)
+            for span in spans:
+                print(text(f" {span['span'][0]:g}-{span['span'][1]:g} s", 1, span, None), flush=True)
             if row["ratio"] > arguments.max_ratio or row["silent"] > arguments.max_silent:
                 failed.append(f"{name}: {row['ratio']:.2f} times `process`, silent {row['silent']:.2f} %")
             rows.append(row)

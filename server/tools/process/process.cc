@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <functional>
 #include <iterator>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <set>
@@ -17,6 +19,7 @@
 
 #include "common/calibration_file.h"
 #include "common/files.h"
+#include "common/median.h"
 #include "common/session_file.h"
 #include "server/cameras/session_source.h"
 #include "server/pose/body_fitter.h"
@@ -40,14 +43,26 @@ absl::Status learn_background(FrameSource& source, Pipeline& pipeline,
     return pipeline.learn_background(*background);
 }
 
+bool may_run_again(const ProcessOptions& options) {
+    return options.pipeline.pose && !options.single_run && !options.pipeline.segmentation.judge_faint;
+}
+
+ProcessOptions with_faint(ProcessOptions options) {
+    options.pipeline.segmentation.judge_faint = true;
+    return options;
+}
+
 // One frame set does not determine a body, and a pose found in few of them is doubtful.
 constexpr int kMinBodyFrameSets = 5;
 
-// The body of the subject in a session, fitted to all of its frame sets. None if a subject is there, but too
-// few poses: a warning is printed, and the body is fitted to the trial's movement instead.
-absl::StatusOr<std::optional<BodyShape>> body_of_session(const std::filesystem::path& session_file,
-                                                         const ProcessOptions& options,
-                                                         const std::atomic<bool>& stop) {
+// A body fitted to all frame sets of a T-pose session; none if a subject is there, but too few poses.
+struct SessionBody {
+    std::optional<BodyFit> fit;
+    std::string why;  // without a fit, one sentence
+};
+
+absl::StatusOr<SessionBody> fit_to_session(const std::filesystem::path& session_file,
+                                           const ProcessOptions& options, const std::atomic<bool>& stop) {
     auto source = open_session_source(session_file);
     if (!source.ok()) return source.status();
     auto pipeline = Pipeline::create((*source)->cameras(), (*source)->fps(), options.pipeline);
@@ -67,16 +82,40 @@ absl::StatusOr<std::optional<BodyShape>> body_of_session(const std::filesystem::
     }
     std::vector<const PoseObservation*> observations;
     for (const auto& frame : frames) observations.push_back(frame.get());
-    const auto fit = fit_body((*source)->cameras(), (*source)->fps(), observations,
-                              options.pipeline.posing.body, options.pipeline.posing, options.poses.body);
-    if (fit.ok() && fit->frame_set_count >= kMinBodyFrameSets) return fit->shape;
-    const std::string why = fmt::format(
+    auto fit = fit_body((*source)->cameras(), (*source)->fps(), observations, options.pipeline.posing.body,
+                        options.pipeline.posing, options.poses.body);
+    if (fit.ok() && fit->frame_set_count >= kMinBodyFrameSets) return SessionBody{*std::move(fit), ""};
+    std::string why = fmt::format(
         "{}: {}", session_file.string(),
         fit.ok() ? fmt::format("the subject's pose was found in {} of {} frame sets, {} are needed",
                                fit->frame_set_count, observations.size(), kMinBodyFrameSets)
                  : std::string(fit.status().message()));
     if (observations.empty()) return absl::FailedPreconditionError(why);
-    fmt::print(stderr, "kinevox process: {}; the body is fitted to the movement instead\n", why);
+    return SessionBody{std::nullopt, std::move(why)};
+}
+
+// Silhouettes whose parts are all there fit the posed body better: eight shared sequences and nine trials of
+// the sweep with complete silhouettes are at 6 to 14 mm, six trials with missing limbs at 17 to 31.
+constexpr double kMaxResidual_m = 0.016;
+
+// The body of the subject in a T-pose session. None, after a warning, if too few poses were found: then the
+// body is fitted to the trial's movement.
+absl::StatusOr<std::optional<BodyShape>> body_of_session(const std::filesystem::path& session_file,
+                                                         const ProcessOptions& options,
+                                                         const std::atomic<bool>& stop) {
+    auto body = fit_to_session(session_file, options, stop);
+    if (!body.ok()) return body.status();
+    const auto residual_m = [](const SessionBody& one) {
+        return one.fit ? one.fit->contour_residual_rms_m : std::numeric_limits<double>::infinity();
+    };
+    if (may_run_again(options) && residual_m(*body) > kMaxResidual_m) {
+        auto again = fit_to_session(session_file, with_faint(options), stop);
+        if (!again.ok()) return again.status();
+        if (residual_m(*again) < residual_m(*body)) body = std::move(again);
+    }
+    fmt::print(stderr, "T-pose residual {:.1f} mm\n", 1000 * residual_m(*body));
+    if (body->fit) return body->fit->shape;
+    fmt::print(stderr, "kinevox process: {}; the body is fitted to the movement instead\n", body->why);
     return std::nullopt;
 }
 
@@ -108,39 +147,62 @@ std::vector<Table> tables_of(const std::vector<PoseRow>& rows, const PosePass& p
     return tables;
 }
 
+// How well the posed bodies of all subjects fit their silhouettes.
+struct PoseFitSummary {
+    std::optional<double> contour_residual_m;  // median
+    double withheld_fraction = 0;              // of the joints
+};
+
+PoseFitSummary summarize(const std::vector<PoseRow>& rows) {
+    PoseFitSummary out;
+    std::vector<double> residuals;
+    std::int64_t joints = 0, withheld = 0;
+    for (const PoseRow& row : rows) {
+        if (!row.pose) continue;
+        residuals.push_back(row.pose->contour_residual_rms_m);
+        joints += std::ssize(row.pose->joints);
+        withheld += std::ranges::count_if(row.pose->joints, std::not_fn(&JointEstimate::measured));
+    }
+    if (residuals.empty()) return out;
+    out.contour_residual_m = median_of(residuals);
+    out.withheld_fraction = static_cast<double>(withheld) / static_cast<double>(joints);
+    return out;
+}
+
 // What a run through the whole session finds, besides what the writer holds.
 struct Run {
     double fps = 0, wall_s = 0;
     RunSummary summary;
+    PoseFitSummary poses;
     quality::QualityReport quality;
 };
 
 class SessionRuns {
   public:
-    SessionRuns(const ProcessOptions& options, const std::string& fingerprint, const std::atomic<bool>& stop)
-        : options_(options), fingerprint_(fingerprint), stop_(stop) {}
+    SessionRuns(const std::string& fingerprint, const std::atomic<bool>& stop)
+        : fingerprint_(fingerprint), stop_(stop) {}
 
-    // Processes the session and adds the results to the writer's latest version.
-    absl::StatusOr<Run> run(const PipelineOptions& pipeline_options);
+    // Processes the session and adds the results to the writer, as its latest version.
+    absl::StatusOr<Run> run(const ProcessOptions& options);
     ResultWriter& writer() { return *writer_; }
 
   private:
-    absl::Status each_frame_set(FrameSource& source, Pipeline& pipeline, PosePass* poses,
-                                QualityPass& quality, RunSummary& summary);
+    absl::Status each_frame_set(const ProcessOptions& options, FrameSource& source, Pipeline& pipeline,
+                                PosePass* poses, QualityPass& quality, RunSummary& summary);
 
-    const ProcessOptions& options_;
     const std::string& fingerprint_;
     const std::atomic<bool>& stop_;
     std::unique_ptr<ResultWriter> writer_;
 };
 
-absl::Status SessionRuns::each_frame_set(FrameSource& source, Pipeline& pipeline, PosePass* poses,
-                                         QualityPass& quality, RunSummary& summary) {
+absl::Status SessionRuns::each_frame_set(const ProcessOptions& options, FrameSource& source,
+                                         Pipeline& pipeline, PosePass* poses, QualityPass& quality,
+                                         RunSummary& summary) {
     std::int64_t total = source.frame_count();
-    if (total > 0) total = (total + options_.every - 1) / options_.every;
-    if (options_.max_frames > 0 && (total < 0 || total > options_.max_frames)) total = options_.max_frames;
-    ProgressBar bar(total, options_.quiet);
-    for (std::int64_t n = 0; options_.max_frames == 0 || summary.frames() < options_.max_frames; ++n) {
+    if (total > 0) total = (total + options.every - 1) / options.every;
+    if (options.max_frames > 0 && (total < 0 || total > options.max_frames)) total = options.max_frames;
+    ProgressBar bar(total, options.quiet);
+    for (std::int64_t n = 0; options.max_frames == 0 || summary.frames() < options.max_frames; ++n) {
         if (stop_)
             return absl::CancelledError(
                 fmt::format("stopped after {} frame sets; nothing was written", summary.frames()));
@@ -148,7 +210,7 @@ absl::Status SessionRuns::each_frame_set(FrameSource& source, Pipeline& pipeline
         auto frame_set = source.next();
         if (absl::IsOutOfRange(frame_set.status())) break;
         if (!frame_set.ok()) return frame_set.status();
-        if (n % options_.every != 0) continue;
+        if (n % options.every != 0) continue;
         frame_set->decode_ms = 1000 * seconds_since(requested_at);
         auto result = pipeline.process(std::move(*frame_set));
         if (!result.ok()) return result.status();
@@ -161,73 +223,69 @@ absl::Status SessionRuns::each_frame_set(FrameSource& source, Pipeline& pipeline
     return absl::OkStatus();
 }
 
-absl::StatusOr<Run> SessionRuns::run(const PipelineOptions& pipeline_options) {
+absl::StatusOr<Run> SessionRuns::run(const ProcessOptions& options) {
     SessionSourceOptions source_options;
-    source_options.decode_in_bursts = options_.decode_in_bursts;
-    auto source = open_session_source(options_.session_file, source_options);
+    source_options.decode_in_bursts = options.decode_in_bursts;
+    auto source = open_session_source(options.session_file, source_options);
     if (!source.ok()) return source.status();
     Run run;
-    run.fps = (*source)->fps() / options_.every;
-    auto pipeline = Pipeline::create((*source)->cameras(), run.fps, pipeline_options);
+    run.fps = (*source)->fps() / options.every;
+    auto pipeline = Pipeline::create((*source)->cameras(), run.fps, options.pipeline);
     if (!pipeline.ok()) return pipeline.status();
     if (writer_) {
         if (absl::Status begun = writer_->begin_version(); !begun.ok()) return begun;
     } else {
         std::vector<std::string> names;
         for (const Camera& camera : (*source)->cameras()) names.push_back(camera.name);
-        auto writer = ResultWriter::create(options_.out_folder, names, options_.writer);
+        auto writer = ResultWriter::create(options.out_folder, names, options.writer);
         if (!writer.ok()) return writer.status();
         writer_ = *std::move(writer);
     }
-    const auto background = background_of_all(**source, options_.session_file);
+    const auto background = background_of_all(**source, options.session_file);
     if (!background.ok()) return background.status();
     if (absl::Status learned = (*pipeline)->learn_background(*background); !learned.ok()) return learned;
 
     std::optional<PosePass> poses;
     if ((*pipeline)->pose_stage())
-        poses.emplace((*source)->cameras(), run.fps, pipeline_options, options_.poses);
-    QualityPass quality(options_.session_file, (*source)->cameras(), *background);
+        poses.emplace((*source)->cameras(), run.fps, options.pipeline, options.poses);
+    QualityPass quality(options.session_file, (*source)->cameras(), *background,
+                        options.pipeline.segmentation.judge_faint);
     const Clock::time_point start = Clock::now();
     if (absl::Status done =
-            each_frame_set(**source, **pipeline, poses ? &*poses : nullptr, quality, run.summary);
+            each_frame_set(options, **source, **pipeline, poses ? &*poses : nullptr, quality, run.summary);
         !done.ok())
         return done;
     run.wall_s = seconds_since(start);
     writer_->add_table({"calibration.toml", calibration_toml((*source)->cameras())});
-    for (Table& table : certificate_tables(options_.session_file)) writer_->add_table(std::move(table));
+    for (Table& table : certificate_tables(options.session_file)) writer_->add_table(std::move(table));
     const std::vector<PoseRow> rows = poses ? poses->finish(**pipeline) : std::vector<PoseRow>{};
     if (poses)
         for (Table& table : tables_of(rows, *poses)) writer_->add_table(std::move(table));
+    run.poses = summarize(rows);
     run.quality = quality.finish(poses ? &*poses : nullptr, rows);
     writer_->add_table({"quality.json", quality::quality_json(run.quality)});
-    ProcessOptions used = options_;
-    used.pipeline = pipeline_options;
     writer_->add_table(
-        {"run.toml", run_toml(used, fingerprint_, run.fps, run.summary.frames())});  // the last
+        {"run.toml", run_toml(options, fingerprint_, run.fps, run.summary.frames())});  // the last
     return run;
 }
 
-// Whether the silhouettes may lack parts of the subject: the posed body does not fit them, and nothing else
+// Whether the silhouettes may lack parts of a subject: the posed bodies do not fit them, and nothing else
 // explains that.
-bool may_lack_parts(const quality::QualityReport& report) {
-    // Eight shared sequences and nine trials of the sweep with complete silhouettes are at 6 to 14 mm, six
-    // trials with missing limbs at 17 to 31.
-    constexpr double kMaxResidual_m = 0.016;
+bool may_lack_parts(const Run& run) {
     static constexpr std::string_view kMissingParts[] = {"silhouettes", "withheld", "background_occupied",
                                                          "still_object"};
-    if (!report.causes.empty() &&
-        std::ranges::find(kMissingParts, report.causes.front().cause) == std::end(kMissingParts))
-        return false;
-    const quality::Measurements& seen = report.measurements;
-    return seen.followed_subjects == 1 && seen.pose.contour_residual_m.value_or(0) > kMaxResidual_m;
+    const auto& causes = run.quality.causes;
+    return run.poses.contour_residual_m.value_or(0) > kMaxResidual_m &&
+           (causes.empty() ||
+            std::ranges::find(kMissingParts, causes.front().cause) != std::end(kMissingParts));
 }
 
 // Shadows taken for the subject fit no body either, so the residual decides between the two rules.
-bool is_better(const quality::QualityReport& one, const quality::QualityReport& other) {
+bool is_better(const PoseFitSummary& one, const PoseFitSummary& other) {
     constexpr double kMaxMoreWithheld = 0.005;
-    const quality::PoseMeasurements &a = one.measurements.pose, &b = other.measurements.pose;
-    return a.contour_residual_m && b.contour_residual_m && *a.contour_residual_m < *b.contour_residual_m &&
-           a.withheld_fraction <= b.withheld_fraction + kMaxMoreWithheld;
+    return one.contour_residual_m && other.contour_residual_m &&
+           *one.contour_residual_m < *other.contour_residual_m &&
+           one.withheld_fraction <= other.withheld_fraction + kMaxMoreWithheld;
 }
 
 }  // namespace
@@ -251,20 +309,18 @@ absl::Status process_session(const ProcessOptions& requested, const std::atomic<
         options.poses.fit_body = !*body;
         if (*body) options.pipeline.posing.body = **body;
     }
-    SessionRuns runs(options, *fingerprint, stop);
-    auto run = runs.run(options.pipeline);
+    SessionRuns runs(*fingerprint, stop);
+    auto run = runs.run(options);
     if (!run.ok()) return run.status();
     int version = 0;
-    if (options.pipeline.pose && !options.pipeline.segmentation.judge_faint && may_lack_parts(run->quality)) {
+    if (may_run_again(options) && may_lack_parts(*run)) {
         if (!options.quiet)
             fmt::print(
                 "silhouettes may lack parts of the subject; processing the session again with "
                 "segmentation.judge_faint\n");
-        PipelineOptions with_faint = options.pipeline;
-        with_faint.segmentation.judge_faint = true;
-        auto again = runs.run(with_faint);
+        auto again = runs.run(with_faint(options));
         if (!again.ok()) return again.status();
-        if (is_better(again->quality, run->quality)) {
+        if (is_better(again->poses, run->poses)) {
             run = std::move(again);
             version = 1;
         }

@@ -21,6 +21,9 @@ struct ProcessOptions {
     PosePassOptions poses;
     int every = 1;                 // processes every Nth frame set, at that fraction of the rate
     int max_frames = 0;            // number of processed frame sets; 0: all
+    // Without it, a session whose silhouettes may lack parts of a subject is processed again with
+    // segmentation.judge_faint, and the run whose poses fit better is kept.
+    bool single_run = false;
     bool decode_in_bursts = true;  // see SessionSourceOptions
     bool quiet = false;            // no progress bar, no summary
     bool resume = false;           // skip if the folder has results of the same input and options

@@ -14,13 +14,13 @@ namespace kinevox {
 class QualityPass {
   public:
     QualityPass(std::filesystem::path session_file, const std::vector<Camera>& cameras,
-                const std::vector<std::vector<Image>>& background)
-        : session_file_(std::move(session_file)), observer_(cameras, background) {}
+                const std::vector<std::vector<Image>>& background, bool judge_faint)
+        : session_file_(std::move(session_file)),
+          observer_(cameras, background, {.judge_faint = judge_faint}) {}
 
     // Every frame set, in order.
     void add(const FrameResult& result) { observer_.add(result); }
-    // Without a verdict, at least one.
-    // Of each followed subject; one without poses.
+    // Without a verdict: of each followed subject; one without poses.
     std::vector<quality::Measurements> measure(const PosePass* poses, const std::vector<PoseRow>& rows) const;
     // `poses` and its `rows` after finish(); null without poses. May read the session's videos again, to find
     // a cause.

@@ -130,6 +130,7 @@ absl::StatusOr<std::string> run_fingerprint(const ProcessOptions& options) {
     fingerprint.add_number(options.poses.cutoff_hz);
     fingerprint.add_number(options.every);
     fingerprint.add_number(options.max_frames);
+    fingerprint.add_number(options.single_run);
     fingerprint.add_number(options.writer.save_silhouettes);
     fingerprint.add_number(options.writer.save_volumes);
     if (!options.tpose_file.empty() && pipeline.pose)

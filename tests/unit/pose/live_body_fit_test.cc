@@ -119,6 +119,36 @@ TEST_F(LiveBodyFitTest, StartsAutomaticallyWithSubject) {
     EXPECT_EQ(fit_->progress().front().state, BodyFitState::kCollecting);
 }
 
+TEST_F(LiveBodyFitTest, FitsPreliminaryBodyToFirstSecond) {
+    options_.automatic = true;
+    options_.automatic_duration_s = 3;
+    make();
+    show(1.2);
+    const auto has_body = [&] { return fit_->progress().front().fit.has_value(); };
+    ASSERT_TRUE(testing::eventually(has_body, std::chrono::minutes(3)));
+    const BodyFitProgress preliminary = fit_->progress().front();
+    EXPECT_EQ(preliminary.state, BodyFitState::kCollecting);
+    EXPECT_NEAR(preliminary.progress, 1.1 / 3, 0.01) << "of collecting";
+    EXPECT_NEAR(preliminary.body.stature_m, 1.60, 0.04);
+    EXPECT_EQ(fit_->body_in_use(1).shape, preliminary.body);
+    show(2);
+    const BodyFitProgress ready = wait_for(BodyFitState::kReady);
+    EXPECT_NE(ready.body, preliminary.body);
+}
+
+TEST_F(LiveBodyFitTest, PreliminaryBodyReplacesThatOfAnotherPerson) {
+    options_.automatic = true;
+    options_.automatic_duration_s = 3;
+    make();
+    show(3.2);
+    EXPECT_NEAR(wait_for(BodyFitState::kReady).body.stature_m, 1.60, 0.03);
+    scene_.model = std::make_shared<BodyModel>(default_body_shape(1.85));
+    show(1.2, 2);
+    const auto is_taller = [&] { return fit_->body_in_use(2).shape.stature_m > 1.78; };
+    EXPECT_TRUE(testing::eventually(is_taller, std::chrono::minutes(3)));
+    EXPECT_EQ(fit_->progress().front().state, BodyFitState::kCollecting);
+}
+
 TEST_F(LiveBodyFitTest, FitsTheNextPersonsBodyAndRemembersTheLast) {
     options_.automatic = true;
     options_.automatic_duration_s = 1;
