@@ -320,9 +320,8 @@ BodyShape start_of_right_size(const std::vector<Camera>& cameras, double fps,
                               const PoseStageOptions& posing, const BodyFitOptions& options,
                               const std::stop_token& stop) {
     if (options.stature_m) return scaled(start, *options.stature_m / start.stature_m);
-    const auto tried =
-        evenly(std::vector<const PoseObservation*>(frames.begin(), frames.end()),
-               static_cast<std::size_t>(options.size_frames));
+    const auto tried = evenly(std::vector<const PoseObservation*>(frames.begin(), frames.end()),
+                              static_cast<std::size_t>(options.size_frames));
     std::array<double, kStartScales.size()> cost{};
     std::vector<double> costs(kStartScales.size() * tried.size());
     oneapi::tbb::parallel_for(std::size_t{0}, costs.size(), [&](std::size_t k) {

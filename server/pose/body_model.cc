@@ -165,4 +165,10 @@ std::span<const int> dofs_of_segment(int segment) {
     return {chains.dofs[segment].data(), chains.count[segment]};
 }
 
+double max_joint_distance(const JointPositions& a, const JointPositions& b) {
+    double most = 0;
+    for (std::size_t j = 0; j < a.size(); ++j) most = std::max(most, norm(a[j] - b[j]));
+    return most;
+}
+
 }  // namespace kinevox

@@ -56,9 +56,12 @@ struct BodyCapsule {
     float radius_a = 0, radius_b = 0;  // m
 };
 
+using JointPositions = std::array<Vec3, kJointNames.size()>;  // in the order of kJointNames
+double max_joint_distance(const JointPositions& a, const JointPositions& b);
+
 struct PosedBody {
     std::array<Rigid3, kBodySegmentCount> world_from_segment;
-    std::array<Vec3, kJointNames.size()> joints_in_world;  // in the order of kJointNames
+    JointPositions joints_in_world;
 };
 
 // Velocity of points per degree of freedom: d point / d step = axis x (point - origin) + shift, world

@@ -25,6 +25,9 @@ struct ContourFit {
 };
 ContourFit contour_fit(std::span<const SurfaceTerm> terms, double narrow_m);
 
+// No joint is farther from a known posture after approach(): the fit would end in that one.
+inline constexpr double kKnownJoints_m = 0.02;
+
 // Not thread safe; keeps its memory.
 class PoseFitter {
   public:

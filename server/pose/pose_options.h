@@ -73,8 +73,8 @@ struct PoseTrackerOptions {
     double search_explained_fraction =
         0.9;                           // explained fraction of the contour below which limbs are searched
     bool always_search_limbs = false;  // below that always; false: only if less than usual is explained
-    // Interval of frame sets from which limbs move farther between two of them than a fit finds: every start,
-    // limb and pair is then tried in each frame set. There is the time for it.
+    // Interval of frame sets from which limbs move farther between two of them than a fit finds: every limb
+    // and pair is then searched in each frame set. There is the time for it.
     double full_search_interval_s = 0.06;
     double lost_explained_fraction = 0.55;  // explained fraction of the contour below which a pose is lost
     double lost_after_s = 0.15;             // time below that until the tracker is re-initialised

@@ -11,8 +11,6 @@
 
 namespace kinevox {
 
-using JointPositions = std::array<Vec3, kJointNames.size()>;
-
 struct PathCandidate {
     BodyPosture posture;
     double cost = 0;  // against the silhouettes, without motion prior

@@ -1,6 +1,8 @@
 #include "server/pose/pose_tracker.h"
 
 #include <fmt/format.h>
+#include <oneapi/tbb/parallel_for.h>
+#include <oneapi/tbb/partitioner.h>
 
 #include <algorithm>
 #include <array>
@@ -38,6 +40,8 @@ constexpr double kTurnInterval_s = 0.15, kTurnMemory = 0.85, kTurnEvidence = 60;
 constexpr double kMirroredSlack = 10;
 constexpr double kSame_m = 0.06;  // hypotheses with a smaller mean joint distance are merged
 
+constexpr std::size_t kStartCount = 3;  // of try_other_starts()
+
 // A weight per reference interval as the weight over `seconds`.
 double kept(double per_reference_interval, double seconds) {
     return std::pow(per_reference_interval, reference_intervals(seconds));
@@ -74,7 +78,13 @@ PoseTracker::PoseTracker(double fps, const PoseTrackerOptions& options)
     : fps_(fps),
       options_(options),
       model_(std::make_shared<BodyModel>(default_body_shape())),
-      fitter_(options.fit) {}
+      fitter_(options.fit),
+      start_fitters_(kStartCount + 1, fitter_) {}
+
+void PoseTracker::set_standing(double standing_m) {
+    fitter_.set_standing(standing_m);
+    for (PoseFitter& fitter : start_fitters_) fitter.set_standing(standing_m);
+}
 
 void PoseTracker::begin(std::span<const SilhouetteRays> views, Vec3 centre,
                         std::span<const PoseCandidate> candidates) {
@@ -194,28 +204,57 @@ void PoseTracker::follow(Hypothesis& h, std::span<const SilhouetteRays> views, d
                        : k < 6 ? 0.02 + options_.root_angular_acceleration_rad_per_s2 * dt2
                                : 0.03 + options_.joint_angular_acceleration_rad_per_s2 * dt2;
     h.replaced.clear();
-    h.fit = fitter_.fit(*model_, views, prior.expected, &prior, searches_fully());
-    if (searches_fully()) try_other_starts(h, views, h.posture, prior.expected);
-    const BodyStep moved = step_between(h.posture, h.fit.posture);
-    const double keep = h.seconds == 0 ? 0 : kept(kRateMemory, seconds);
-    for (int k = 0; k < kBodyDofCount; ++k) h.rate[k] = keep * h.rate[k] + (1 - keep) * moved[k] / seconds;
+    h.fit = fitter_.fit(*model_, views, prior.expected, &prior, searches_fully() || !shows_others(views));
+    if (try_other_starts(h, views, prior.expected.root_in_world)) {
+        h.rate = {};  // its motion so far was that of another posture
+    } else {
+        const BodyStep moved = step_between(h.posture, h.fit.posture);
+        const double keep = h.seconds == 0 ? 0 : kept(kRateMemory, seconds);
+        for (int k = 0; k < kBodyDofCount; ++k)
+            h.rate[k] = keep * h.rate[k] + (1 - keep) * moved[k] / seconds;
+    }
     h.posture = h.fit.posture;
     const double kept_cost = kept(kCostMemory, seconds);
     h.cost = kept_cost * h.cost + (1 - kept_cost) * h.fit.at.cost;
     h.seconds += seconds;
 }
 
-// The posture before, moved along or not, and the expected one without the prior: a limb that reversed its
-// motion since then is far from where its rate leads.
-void PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays> views,
-                                   const BodyPosture& before, const BodyPosture& expected) {
-    BodyPosture moved = before;
-    moved.root_in_world = expected.root_in_world;
-    for (const BodyPosture& start : {moved, before, expected})
-        if (auto fit = better_fit(views, start, h.fit.posture, kBetter)) {
-            h.replaced.push_back(h.fit.posture);
-            h.fit = *std::move(fit);
-        }
+// Fits without the prior from the posture before, moved along, since a limb that reversed its motion is far
+// from where its rate leads, and with left and right limbs exchanged, which passed each other. True: these
+// replaced the fit.
+bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays> views, Vec3 root_in_world) {
+    const bool beside_others = shows_others(views);  // whose silhouettes explain a limb anywhere
+    BodyPosture moved = h.posture;
+    moved.root_in_world = root_in_world;
+    const std::array<BodyPosture, kStartCount> starts{moved, exchanged(h.fit.posture, kArmSegments),
+                                                      exchanged(h.fit.posture, kLegSegments)};
+    const JointPositions known = model_->forward(h.fit.posture).joints_in_world;
+    std::array<std::optional<PoseFit>, kStartCount> found;
+    double cost = 0;
+    oneapi::tbb::parallel_for(
+        std::size_t{0}, kStartCount + 1,
+        [&](std::size_t k) {
+            PoseFitter& fitter = start_fitters_[k];
+            if (k == kStartCount) {
+                cost = fitter.fit(*model_, views, h.fit.posture, nullptr, false).at.cost;
+                return;
+            }
+            if (beside_others && k > 0) return;
+            const BodyPosture near = fitter.approach(*model_, views, starts[k], nullptr);
+            if (max_joint_distance(model_->forward(near).joints_in_world, known) >= kKnownJoints_m)
+                found[k] = fitter.fit(*model_, views, near, nullptr, false);
+        },
+        oneapi::tbb::simple_partitioner());
+    bool is_exchanged = false;
+    for (std::size_t k = 0; k < kStartCount; ++k) {
+        const double gain = k == 0 && !beside_others ? kBetter : kClearlyBetter;
+        if (!found[k] || found[k]->at.cost + gain >= cost) continue;
+        cost = found[k]->at.cost;
+        h.replaced.push_back(h.fit.posture);
+        h.fit = *std::move(found[k]);
+        is_exchanged = k > 0;
+    }
+    return is_exchanged;
 }
 
 // A start that faces the wrong way is not lost, and no search of limbs corrects it.

@@ -34,7 +34,7 @@ class PoseTracker {
 
     void set_model(std::shared_ptr<const BodyModel> model) { model_ = std::move(model); }
     const BodyModel& model() const { return *model_; }
-    void set_standing(double standing_m) { fitter_.set_standing(standing_m); }  // as in PoseCostOptions
+    void set_standing(double standing_m);  // as in PoseCostOptions
 
     // Views with a null camera are ignored. `candidates` may be empty. Nothing if too few cameras see the
     // subject or no pose explains the silhouettes.
@@ -56,8 +56,7 @@ class PoseTracker {
     void begin(std::span<const SilhouetteRays> views, Vec3 centre, std::span<const PoseCandidate> candidates);
     bool searches_fully() const { return 1 / fps_ >= options_.full_search_interval_s; }
     void follow(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, double seconds);
-    void try_other_starts(Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
-                          const BodyPosture& before, const BodyPosture& expected);
+    bool try_other_starts(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Vec3 root_in_world);
     void search_limb(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb limb,
                      LimbSearchScope scope);
     void try_mirrored_elbow(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb arm);
@@ -77,6 +76,7 @@ class PoseTracker {
     PoseTrackerOptions options_;
     std::shared_ptr<const BodyModel> model_;
     PoseFitter fitter_;
+    std::vector<PoseFitter> start_fitters_;  // one per task of try_other_starts()
     LimbSearch limbs_;
     int next_limb_ = 0;
     double intervals_to_pair_ = 0;  // reference intervals until the next search of a pair

@@ -22,9 +22,8 @@ namespace {
 constexpr int kSweeps = 2;  // of fits between the neighbours
 constexpr double kMinInterval_s = 1e-3;
 constexpr std::size_t kMaxCandidates = 8;
-constexpr double kSameJoints_m = 0.03;   // candidates with no joint farther apart are one
-constexpr double kKnownJoints_m = 0.02;  // a fit whose first steps come so close to a candidate ends there
-constexpr double kHopeless = 80;         // a candidate that costs more than the cheapest by this is dropped
+constexpr double kSameJoints_m = 0.03;  // candidates with no joint farther apart are one
+constexpr double kHopeless = 80;        // a candidate that costs more than the cheapest by this is dropped
 
 constexpr double kPoor = 1.4;  // a path's cost that suggests a lost body, in medians
 // Of a path beside other people, whose silhouettes explain a limb anywhere: cost relative to the path so far.
@@ -47,22 +46,10 @@ std::array<std::size_t, 2> joints_of(const LimbSegments& limb) {
     return {origin_joint(limb.lower), origin_joint(limb.end)};
 }
 
-BodyPosture exchanged(BodyPosture posture, const LimbSegmentPairs& limbs) {
-    for (const auto& [left, right] : limbs)
-        std::swap(posture.parent_from_segment[left], posture.parent_from_segment[right]);
-    return posture;
-}
-
 BodyPosture between(const BodyPosture& a, const BodyPosture& b, double fraction) {
     BodyStep step = step_between(a, b);
     for (double& s : step) s *= fraction;
     return stepped(a, step);
-}
-
-double max_joint_distance(const JointPositions& a, const JointPositions& b) {
-    double most = 0;
-    for (std::size_t j = 0; j < a.size(); ++j) most = std::max(most, norm(a[j] - b[j]));
-    return most;
 }
 
 // The candidate postures of a recording and the path through them.
@@ -342,11 +329,7 @@ class Recording {
         return &frames_[n].candidates[choices_[n].candidate].posture;
     }
     bool has_changed(std::size_t n) const { return searched_[n] != *chosen(n); }
-    bool shows_others(std::size_t n) const {
-        return std::ranges::any_of(recorded_[n].seen->views, [](const SilhouetteRays& view) {
-            return view.camera && view.distance.has_shared();
-        });
-    }
+    bool shows_others(std::size_t n) const { return kinevox::shows_others(recorded_[n].seen->views); }
     double chosen_cost(std::size_t n) const { return frames_[n].candidates[choices_[n].candidate].cost; }
     double median_cost() const {
         std::vector<double> costs;

@@ -159,6 +159,11 @@ std::optional<double> SilhouetteRays::inside_m(Vec3 in_world) const {
     return *inside_px * (2 * depth / (camera->fx + camera->fy));
 }
 
+bool shows_others(std::span<const SilhouetteRays> views) {
+    return std::ranges::any_of(
+        views, [](const SilhouetteRays& view) { return view.camera && view.distance.has_shared(); });
+}
+
 bool is_among_others(std::span<const SilhouetteRays> views, Vec3 in_world) {
     constexpr int kMinAlone = 2;
     return std::ranges::any_of(views, [](const auto& v) { return v.camera && v.distance.has_shared(); }) &&

@@ -59,6 +59,8 @@ struct SilhouetteRays {
     bool shows_alone(Vec3 in_world) const;
 };
 
+// Whether a view shows foreground of other subjects, too.
+bool shows_others(std::span<const SilhouetteRays> views);
 // Whether at this point all views but one at most show another subject, too, or nothing: a limb may be there
 // whether it fits or not.
 bool is_among_others(std::span<const SilhouetteRays> views, Vec3 in_world);

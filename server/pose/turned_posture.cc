@@ -40,6 +40,12 @@ Mat3 rotated_in_parent(const PosedBody& posed, int segment, const Mat3& rotation
 
 }  // namespace
 
+BodyPosture exchanged(BodyPosture posture, const LimbSegmentPairs& limbs) {
+    for (const auto& [left, right] : limbs)
+        std::swap(posture.parent_from_segment[left], posture.parent_from_segment[right]);
+    return posture;
+}
+
 BodyPosture turned(const BodyModel& model, const BodyPosture& posture) {
     const PosedBody posed = model.forward(posture);
     const Mat3 half_turn = rotation_z(std::numbers::pi);

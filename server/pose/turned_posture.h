@@ -15,6 +15,8 @@ using LimbSegmentPairs = std::array<std::pair<int, int>, 3>;
 inline constexpr LimbSegmentPairs kLegSegments{{{kThighL, kThighR}, {kShankL, kShankR}, {kFootL, kFootR}}},
     kArmSegments{{{kUpperArmL, kUpperArmR}, {kForearmL, kForearmR}, {kHandL, kHandR}}};
 
+BodyPosture exchanged(BodyPosture posture, const LimbSegmentPairs& limbs);
+
 // Trunk and head rotated by half a turn about their long axes, left and right exchanged. Arms stay where they
 // are, hips and ankles nearly so; knees and feet point forwards again, that is, the other way. Of an upright
 // body the silhouettes hardly differ, so a tracker that starts with the wrong one does not notice until the

@@ -85,7 +85,8 @@ void LiveQuality::work() {
             }
             if (!observer_)
                 observer_ = std::make_unique<Observer>(
-                    cameras_, *background_, ObserverOptions{options_.max_side_px, options_.samples, true, options_.judge_faint});
+                    cameras_, *background_,
+                    ObserverOptions{options_.max_side_px, options_.samples, true, options_.judge_faint});
         }
         judge_one(std::move(one));
     }

@@ -111,9 +111,8 @@ absl::StatusOr<std::optional<BodyShape>> body_of_session(const std::filesystem::
     if (may_run_again(options) && residual_m(*body) > kMaxResidual_m) {
         auto again = fit_to_session(session_file, with_faint(options), stop);
         if (!again.ok()) return again.status();
-        if (residual_m(*again) < residual_m(*body)) body = std::move(again);
+        if (residual_m(*again) < kMaxResidual_m) body = std::move(again);
     }
-    fmt::print(stderr, "T-pose residual {:.1f} mm\n", 1000 * residual_m(*body));
     if (body->fit) return body->fit->shape;
     fmt::print(stderr, "kinevox process: {}; the body is fitted to the movement instead\n", body->why);
     return std::nullopt;

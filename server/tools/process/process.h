@@ -19,8 +19,8 @@ struct ProcessOptions {
     PipelineOptions pipeline;
     ResultWriterOptions writer;
     PosePassOptions poses;
-    int every = 1;                 // processes every Nth frame set, at that fraction of the rate
-    int max_frames = 0;            // number of processed frame sets; 0: all
+    int every = 1;       // processes every Nth frame set, at that fraction of the rate
+    int max_frames = 0;  // number of processed frame sets; 0: all
     // Without it, a session whose silhouettes may lack parts of a subject is processed again with
     // segmentation.judge_faint, and the run whose poses fit better is kept.
     bool single_run = false;

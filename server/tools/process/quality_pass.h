@@ -14,7 +14,7 @@ namespace kinevox {
 class QualityPass {
   public:
     QualityPass(std::filesystem::path session_file, const std::vector<Camera>& cameras,
-                const std::vector<std::vector<Image>>& background, bool judge_faint)
+                const std::vector<std::vector<Image>>& background, bool judge_faint = false)
         : session_file_(std::move(session_file)),
           observer_(cameras, background, {.judge_faint = judge_faint}) {}
 

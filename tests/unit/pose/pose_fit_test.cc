@@ -226,6 +226,22 @@ TEST(PoseTracker, FollowsArmsThatMoveFarBetweenFrameSets) {
     }
 }
 
+TEST(PoseTracker, FollowsArmsThatPassEachOtherBetweenFrameSets) {
+    const Scene scene;
+    PoseTracker tracker(30);
+    tracker.set_model(scene.model);
+    BodyCoordinates truth = scene.standing();
+    for (int n = 0; n < 45; ++n) {
+        truth[kDofShoulderL + 1] = 0;
+        const bool passed = n >= 40;  // after the first second, in which every search is tried
+        truth[kDofShoulderL] = radians(passed ? 60 : -30), truth[kDofShoulderR] = radians(passed ? -30 : 60);
+        truth[kDofElbowL] = truth[kDofElbowR] = radians(40);
+        const auto tracked = tracker.update(n * 33'333'333LL, scene.see(truth), {0, 0, 0.95}, {});
+        ASSERT_TRUE(tracked.has_value()) << "frame set " << n;
+        EXPECT_LT(scene.error_m(tracked->fit.posture, truth), 0.03) << "frame set " << n;
+    }
+}
+
 TEST(Retrack, FollowsLimbsThatMoveFarBetweenFrameSets) {
     const Scene scene;
     constexpr double kFps = 10;
