@@ -36,7 +36,7 @@ void set_fit(const BodyFit& fit, BodyFitProgress& progress) {
 }
 
 // Whether two fits can be of one person.
-bool agree(const BodyFit& a, const BodyFit& b) {
+bool may_be_same_person(const BodyFit& a, const BodyFit& b) {
     constexpr double kMaxStds = 3;
     const auto near = [](double difference, double std_a, double std_b) {
         return std::abs(difference) <= kMaxStds * std::hypot(std_a, std_b);
@@ -407,12 +407,12 @@ void LiveBodyFit::fit(const ToFit& job) {
     report(ended);
 }
 
-// A fitted body that agrees with it stays in use: it is of more frame sets.
+// A fitted body of the same person stays in use: it is of more frame sets.
 bool LiveBodyFit::use_preliminary(const ToFit& job, const BodyFit& fit) {
     const std::scoped_lock lock(mutex_);
     if (job.stop.stop_requested()) return false;
     BodyFitProgress& progress = subjects_.at(job.key).progress;
-    if (progress.fit && agree(fit, *progress.fit)) return false;
+    if (progress.fit && may_be_same_person(fit, *progress.fit)) return false;
     set_fit(fit, progress);
     return true;
 }
