@@ -139,8 +139,8 @@ void Capture::fit_bodies(const FrameResult& result) {
     }
     body_fit->observe(result.capture_time_ns, tracked);
     const auto use_fitted = [&](std::uint32_t subject_id, PoseStage& stage) {
-        const LiveBodyFit::BodyInUse body = body_fit->body_in_use(subject_id);
-        if (stage.body() != body.shape) stage.set_body(body.shape, body.standing_m);
+        const BodyInUse body = body_fit->body_in_use(subject_id);
+        if (stage.body() != body.shape) stage.set_body(body);
     };
     // A single subject's body stays when the subject is lost; the stages of several serve new ones.
     if (!options.tracker.several_subjects()) return use_fitted(0, *pose_stage);

@@ -239,11 +239,10 @@ void StagedPipeline::set_cameras(std::vector<Camera> cameras) {
     tracker_ = SubjectTracker(cameras_, fps_, tracker_options(options_), *control_);
     reset_track();
     for (PoseLane& lane : pose_lanes_) {
-        const BodyShape body = lane.stage->body();
-        const double standing_m = lane.stage->standing_m();
+        const BodyInUse body = lane.stage->body_in_use();
         PoseProposer* const proposer = lane.stage->proposer();
         *lane.stage = PoseStage(cameras_, fps_, options_.posing);
-        lane.stage->set_body(body, standing_m);
+        lane.stage->set_body(body);
         lane.stage->set_proposer(proposer);
     }
 }
@@ -492,7 +491,8 @@ PoseStage& StagedPipeline::lane_of(const FrameResult& result, std::uint32_t subj
         });
     });
     const bool first_use = std::exchange(lane.subject_id, subject_id) == 0;
-    if (!first_use && options_.tracker.several_subjects()) lane.stage->set_body(options_.posing.body);
+    if (!first_use && options_.tracker.several_subjects())
+        lane.stage->set_body({.shape = options_.posing.body, .std_m = options_.posing.body_std_m});
     lane.last_time_ns = result.capture_time_ns;
     lane.stage->reset();
     lane.stage->set_proposer(pose_lanes_.front().stage->proposer());

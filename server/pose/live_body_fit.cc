@@ -310,11 +310,11 @@ void LiveBodyFit::set_cameras(std::vector<Camera> cameras) {
         if (subject.collecting) begin(key, subject.collecting->seconds, subject.collecting->requested);
 }
 
-LiveBodyFit::BodyInUse LiveBodyFit::body_in_use(std::uint32_t subject_id) const {
+BodyInUse LiveBodyFit::body_in_use(std::uint32_t subject_id) const {
     const std::scoped_lock lock(mutex_);
     const auto found = subjects_.find(options_.several_subjects ? subject_id : 0);
     if (found == subjects_.end() || !found->second.progress.fit)
-        return {posing_.body, posing_.tracker.fit.cost.standing_m};
+        return {posing_.body, posing_.tracker.fit.cost.standing_m, posing_.body_std_m};
     const BodyFit& fit = *found->second.progress.fit;
     return {fit.shape, fit.standing_m};
 }

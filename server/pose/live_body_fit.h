@@ -84,10 +84,6 @@ class LiveBodyFit {
     // Another calibration of the same cameras. Drops collected observations; a running fit continues with the
     // previous calibration. Must not be concurrent with observe().
     void set_cameras(std::vector<Camera> cameras);
-    struct BodyInUse {
-        BodyShape shape;
-        double standing_m = 0;  // as in PoseCostOptions
-    };
     BodyInUse body_in_use(std::uint32_t subject_id) const;
 
     // Of each subject tracked, ordered by id, and of one that left while a requested fit waited for it; at

@@ -121,6 +121,7 @@ constexpr double kOfOwnMisfit = 0.27, kOfAllMisfit = 0.04, kOfParentMisfit = 0.0
 // Beyond this the silhouettes do not determine a value, whatever their misfit (m and rad).
 constexpr double kUndetermined2 = 0.02 * 0.02;
 constexpr double kMaxResidual_m = 0.12;
+constexpr double kLimb_m = 0.3;    // typical length, over which an error of a joint turns an angle
 constexpr double kSharedRays = 8;  // a segment with few rays of its own misfits as the whole body does
 constexpr double kRays = 160;      // to which touching rays are scaled
 constexpr double kMaxTouching_m = 0.015, kMaxElsewhere_m = 0.03;
@@ -315,7 +316,7 @@ void judge_joints(const JointJacobian& jacobian, const Evidence& of, int cameras
                 ambiguity_variance(of.others.joint_m2[j], own, kOfJoints) + of.gross_m2[j] +
                 kOfOwnMisfit * own + kOfAllMisfit * of.misfit.all +
                 kOfParentMisfit * above * above / kParentMisfit_m2,
-            model_std_m(kJointNames[j]));
+            std::hypot(model_std_m(kJointNames[j]), options.body_std_m));
         const CameraSet set = parent >= 0 ? of.support[segment] | of.support[parent] : of.support[segment];
         joint.camera_count = static_cast<int>(set.count());
         joint.withheld_reason.clear();
@@ -336,7 +337,7 @@ void judge_angles(const AngleByStep& by_step, const Evidence& of, int cameras, c
             data_variance((row * of.covariance * row.transpose()).value(), of.misfit, kOfAngles) +
                 ambiguity_variance(of.others.angle_rad2[k], of.misfit.segment[pair.second], kOfAngles) +
                 of.gross_rad2[pair.first] + of.gross_rad2[pair.second],
-            kModelAngleStd[k]);
+            std::hypot(kModelAngleStd[k], options.body_std_m / kLimb_m));
         angle.velocity_rad_per_s = kNaN;
         angle.camera_count = static_cast<int>((of.support[pair.first] | of.support[pair.second]).count());
         angle.withheld_reason.clear();
@@ -350,7 +351,8 @@ void judge_angles(const AngleByStep& by_step, const Evidence& of, int cameras, c
 }
 
 // Of a ball joint: through the derivatives of its angles by its rotation vector.
-void judge_coordinates(const BodyPosture& posture, const Evidence& of, BodyPose& out) {
+void judge_coordinates(const BodyPosture& posture, const Evidence& of, const EstimateOptions& options,
+                       BodyPose& out) {
     const Matrix& covariance = of.covariance;
     const auto variance = [&of](int dof, double curvature, int segment) {
         return data_variance(curvature, of.misfit, kOfAngles) +
@@ -361,14 +363,15 @@ void judge_coordinates(const BodyPosture& posture, const Evidence& of, BodyPose&
     for (int k = 0; k < 3; ++k)
         out.coordinate_std[k] = combined_std(
             variance(k, covariance(k, k), kPelvis) + kOfRootMisfit * of.misfit.all + of.gross_m2[kRoot],
-            model_std_m("root"));
+            std::hypot(model_std_m("root"), options.body_std_m));
     for (int s = 0; s < kBodySegmentCount; ++s) {
         const int first = kSegmentDof[s];
+        const double rotation_std = std::hypot(model_rotation_std(s), options.body_std_m / kLimb_m);
         // Against the parent: an error of either.
         const double gross = of.gross_rad2[s] + (s > 0 ? of.gross_rad2[kBodyParent[s]] : 0);
         if (kSegmentDofCount[s] == 1) {
             out.coordinate_std[first] =
-                combined_std(variance(first, covariance(first, first), s) + gross, model_rotation_std(s));
+                combined_std(variance(first, covariance(first, first), s) + gross, rotation_std);
             continue;
         }
         const Mat3 rates = euler_rates(s, posture.parent_from_segment[s]);
@@ -379,7 +382,7 @@ void judge_coordinates(const BodyPosture& posture, const Evidence& of, BodyPose&
             by_rotation * covariance.block<3, 3>(first, first) * by_rotation.transpose();
         for (int k = 0; k < 3; ++k)
             out.coordinate_std[first + k] =
-                combined_std(variance(first + k, rotated(k, k), s) + gross, model_rotation_std(s));
+                combined_std(variance(first + k, rotated(k, k), s) + gross, rotation_std);
     }
 }
 
@@ -418,7 +421,7 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
     const JointJacobian jacobian = joint_jacobian(model, posed);
     judge_joints(jacobian, evidence, cameras, options, out);
     judge_angles(angle_derivatives(posed) * jacobian, evidence, cameras, options, out);
-    judge_coordinates(posture, evidence, out);
+    judge_coordinates(posture, evidence, options, out);
 }
 
 void withhold_legs(const LegFlags& missing, BodyPose& out) {

@@ -154,7 +154,16 @@ struct EstimateOptions {
     // Beyond these standard deviations a value is withheld.
     double max_joint_std_m = 0.10;
     double max_angle_std_rad = 0.45;
+    // Standard deviation of the joints by a body that is not the subject's; 0: the subject's.
+    double body_std_m = 0;
     bool operator==(const EstimateOptions&) const = default;
+};
+
+// With which the poses are found.
+struct BodyInUse {
+    BodyShape shape = default_body_shape();
+    double standing_m = 0;  // as in PoseCostOptions
+    double std_m = 0;       // as EstimateOptions::body_std_m
 };
 
 struct PoseStageOptions {
@@ -166,6 +175,7 @@ struct PoseStageOptions {
     double max_outside_fraction = 0.2;
     int candidates = 5;  // number requested from the proposer when a pose must be found
     BodyShape body = default_body_shape();
+    double body_std_m = 0.018;  // as EstimateOptions::body_std_m, here of an adult of average build
 
     // Empty when valid, else one sentence.
     std::string check() const;

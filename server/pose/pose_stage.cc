@@ -35,13 +35,14 @@ PoseStage::PoseStage(std::vector<Camera> cameras, double fps, const PoseStageOpt
       tracker_(fps, options.tracker),
       judge_(options.tracker.fit.cost),
       filter_(options.filter) {
-    set_body(options.body, options.tracker.fit.cost.standing_m);
+    set_body({options.body, options.tracker.fit.cost.standing_m, options.body_std_m});
 }
 
-void PoseStage::set_body(const BodyShape& body, double standing_m) {
-    tracker_.set_model(std::make_shared<BodyModel>(body));
-    tracker_.set_standing(standing_m);
-    judge_.set_standing(standing_m);
+void PoseStage::set_body(const BodyInUse& body) {
+    tracker_.set_model(std::make_shared<BodyModel>(body.shape));
+    tracker_.set_standing(body.standing_m);
+    judge_.set_standing(body.standing_m);
+    options_.estimate.body_std_m = body.std_m;
 }
 
 void PoseStage::reset() {

@@ -31,10 +31,9 @@ class PoseStage {
   public:
     PoseStage(std::vector<Camera> cameras, double fps, const PoseStageOptions& options);
 
-    // `standing_m` as in PoseCostOptions.
-    void set_body(const BodyShape& body, double standing_m = 0);
+    void set_body(const BodyInUse& body);
+    BodyInUse body_in_use() const { return {body(), judge_.standing_m(), options_.estimate.body_std_m}; }
     const BodyShape& body() const { return tracker_.model().shape(); }
-    double standing_m() const { return judge_.standing_m(); }
     // May be null; must outlive the stage. Used when a pose must be found without prior.
     void set_proposer(PoseProposer* proposer) { proposer_ = proposer; }
     PoseProposer* proposer() const { return proposer_; }

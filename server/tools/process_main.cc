@@ -124,6 +124,7 @@ absl::Status run(const CLI::App& app, Arguments& arguments) {
         auto body = kinevox::read_body_shape(arguments.body_file);
         if (!body.ok()) return body.status();
         options.pipeline.posing.body = *std::move(body);
+        options.pipeline.posing.body_std_m = 0;
         options.poses.fit_body = false;
     }
     if (options.poses.body.stature_m)

@@ -99,7 +99,7 @@ void PosePass::fit_and_retrack(Subject& subject, Pipeline& pipeline) const {
         subject.frames[n].observation.reset();
     }
     if (PoseStage* const stage = pipeline.pose_stage_of(subject.id))
-        stage->set_body(*subject.body, standing_m);
+        stage->set_body({.shape = *subject.body, .standing_m = standing_m});
 }
 
 // One for each of its frames.

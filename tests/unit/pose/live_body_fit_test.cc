@@ -90,7 +90,7 @@ TEST_F(LiveBodyFitTest, FindsStatureOnRequest) {
     }
     EXPECT_GT(ready.fit->stature_std_m, 0.001);
     EXPECT_LT(ready.fit->stature_std_m, 0.12) << "less than the prior";
-    const LiveBodyFit::BodyInUse in_use = fit_->body_in_use(1);
+    const BodyInUse in_use = fit_->body_in_use(1);
     EXPECT_EQ(in_use.shape, ready.body);
     EXPECT_EQ(fit_->body_in_use(2).shape, ready.body) << "a subject who returns has a new id";
     EXPECT_EQ(ready.stored_path, options_.file);

@@ -14,6 +14,7 @@
 #include "server/pose/limb_search.h"
 #include "server/pose/main_body.h"
 #include "server/pose/pose_estimate.h"
+#include "server/pose/pose_stage.h"
 #include "server/pose/pose_tracker.h"
 #include "server/pose/posture_filter.h"
 #include "server/pose/ray_capsule.h"
@@ -415,6 +416,24 @@ TEST(PoseEstimate, StatesErrorOfModelWhereSilhouettesFit) {
     EXPECT_GT(std_m("toe_r"), 0.015);
     for (std::size_t j = 0; j < pose.joints.size(); ++j)
         EXPECT_LT(pose.joints[j].std_m, 0.03) << kJointNames[j];
+}
+
+TEST(PoseStage, StatesLargerDeviationsUntilTheBodyIsKnown) {
+    const Scene scene;
+    const PoseObservation seen{0, {0, 0, 0.95}, scene.see(scene.standing())};
+    PoseStage stage(scene.cameras, 30, {.body = scene.model->shape()});
+    const auto unknown = stage.process(1, 0, 0, seen, {});
+    stage.set_body({.shape = scene.model->shape()});
+    stage.reset();
+    const auto known = stage.process(1, 1, 0, seen, {});
+    ASSERT_TRUE(unknown && known);
+    for (const char* name : {"root", "knee_l", "wrist_r"}) {
+        const std::size_t j = *joint_index(name);
+        EXPECT_GT(unknown->joints[j].std_m, 0.018) << name;
+        EXPECT_LT(known->joints[j].std_m, 0.016) << name;
+    }
+    EXPECT_GT(unknown->angles[0].std_rad, known->angles[0].std_rad + radians(0.5));
+    EXPECT_GT(unknown->coordinate_std[kDofKneeL], known->coordinate_std[kDofKneeL] + radians(0.5));
 }
 
 TEST(PoseEstimate, WidensJointsThatAnotherPostureContradicts) {
