@@ -23,13 +23,13 @@ from rates import SEQUENCES, heading, mean_row, measure, text
 from session_data import REPOSITORY, Session, data_folder
 
 sys.path.insert(0, str(REPOSITORY / "tests/bench"))
-from recording_daemon import Daemon, add_arguments  # noqa: E402
+from recording_daemon import Daemon, add_arguments, frames_of  # noqa: E402
 
 RECORDING = "max_queue_mb = 2000\nmin_free_disk_mb = 0\n"  # no frame set is dropped on machines that encode slowly
 
 
 def capture(arguments, name, folder, body, out):
-    """Copies the recorded poses of one capture to `out`."""
+    """Copies the recorded poses of one capture to `out`; the sequence's frame set with which they begin."""
     arguments.sequence = name
     pose = f'auto_fit_body = {str(arguments.body == "automatic").lower()}\n'
     pose += "".join(f"{line}\n" for line in arguments.option)
@@ -44,6 +44,7 @@ def capture(arguments, name, folder, body, out):
         if dropped and arguments.pacing != "real_time":
             raise SystemExit(f"{name}: frame sets were dropped; run again on a machine with less load")
         shutil.copytree(daemon.recordings / name / "poses", out, dirs_exist_ok=True)
+        return frames_of(daemon.recordings / name)[0][1]
     finally:
         daemon.stop()
 
@@ -57,11 +58,11 @@ def one(arguments, name, work):
     offline = measure(folder / "truth", fps, processed)
     with tempfile.TemporaryDirectory() as scratch:
         body = processed / "body.toml" if arguments.body == "fitted" else None
-        capture(arguments, name, Path(scratch), body, work / name / "live")
+        first = capture(arguments, name, Path(scratch), body, work / name / "live")
     rows = []
     limits = [0, *arguments.spans, np.inf]
     for span in [(0, np.inf), *zip(limits, limits[1:])][: None if arguments.spans else 1]:
-        row = measure(folder / "truth", fps, work / name / "live", span)
+        row = measure(folder / "truth", fps, work / name / "live", span, first)
         row["ratio"] = row["mean_mm"] / offline["mean_mm"]
         row["span"] = span
         rows.append(row)

@@ -57,11 +57,11 @@ def body_errors(truth, body_file):
     return 100 * (body["stature_m"] / (STATURE_PER_CHAIN * chain) - 1), lengths
 
 
-def measure(truth_folder, fps, results, span_s=(0, np.inf)):
-    """The row of one run; `span_s` limits the frame sets by their time in the sequence."""
+def measure(truth_folder, fps, results, span_s=(0, np.inf), first=0):
+    """The row of one run that begins with the sequence's frame set `first`; `span_s` limits the frame sets by their time."""
     truth = read_table(truth_folder / "joints.csv")
     found, stated = read_table(results / "joints.csv"), read_table(results / "uncertainty.csv")
-    frames = np.rint(found["time_s"] * fps).astype(int)
+    frames = first + np.rint(found["time_s"] * fps).astype(int)
     rows = (frames < len(truth["frame"])) & (frames >= span_s[0] * fps) & (frames < span_s[1] * fps)
     exact, measured = points(truth, JOINTS)[frames[rows]], points(found, JOINTS)[rows]
     std = np.stack([stated[f"{j}_std_m"] for j in JOINTS], 1)[rows]
