@@ -242,8 +242,7 @@ absl::StatusOr<PipelineOptions> pipeline_options(const DaemonConfig& config) {
     if (!config.pose.body_file.empty()) {
         absl::StatusOr<BodyShape> body = read_body_shape(config.pose.body_file);
         if (!body.ok()) return body.status();
-        options.posing.body = *std::move(body);
-        options.posing.body_std_m = 0;
+        options.posing.set_body(*body);
     }
     return options;
 }

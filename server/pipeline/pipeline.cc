@@ -492,7 +492,7 @@ PoseStage& StagedPipeline::lane_of(const FrameResult& result, std::uint32_t subj
     });
     const bool first_use = std::exchange(lane.subject_id, subject_id) == 0;
     if (!first_use && options_.tracker.several_subjects())
-        lane.stage->set_body({.shape = options_.posing.body, .std_m = options_.posing.body_std_m});
+        lane.stage->set_body(options_.posing.initial_body());
     lane.last_time_ns = result.capture_time_ns;
     lane.stage->reset();
     lane.stage->set_proposer(pose_lanes_.front().stage->proposer());

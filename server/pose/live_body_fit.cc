@@ -313,8 +313,7 @@ void LiveBodyFit::set_cameras(std::vector<Camera> cameras) {
 BodyInUse LiveBodyFit::body_in_use(std::uint32_t subject_id) const {
     const std::scoped_lock lock(mutex_);
     const auto found = subjects_.find(options_.several_subjects ? subject_id : 0);
-    if (found == subjects_.end() || !found->second.progress.fit)
-        return {posing_.body, posing_.tracker.fit.cost.standing_m, posing_.body_std_m};
+    if (found == subjects_.end() || !found->second.progress.fit) return posing_.initial_body();
     const BodyFit& fit = *found->second.progress.fit;
     return {fit.shape, fit.standing_m};
 }
@@ -393,7 +392,7 @@ void LiveBodyFit::fit(const ToFit& job) {
             progress.state = BodyFitState::kReady;
             progress.progress = 1;
             set_fit(*fitted, progress);
-            progress.stored_path = job.store && stored.ok() ? options_.file : std::filesystem::path();
+            if (job.store && stored.ok()) progress.stored_path = options_.file;
             if (job.store)
                 progress.message += stored.ok() ? "; stored in " + options_.file.string()
                                                 : "; cannot be stored: " + std::string(stored.message());

@@ -1,5 +1,5 @@
 // Fits the body model to the captured subjects in the background: on request, and automatically from the
-// first seconds with a subject, after a preliminary fit to the first second.
+// first seconds with a subject, after a preliminary fit to the first half second.
 //
 // Threads: the pipeline calls observe() and body_in_use(), any thread the others. The callbacks may come
 // from any thread and must not call back into this class.

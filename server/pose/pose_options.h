@@ -177,6 +177,9 @@ struct PoseStageOptions {
     BodyShape body = default_body_shape();
     double body_std_m = 0.018;  // as EstimateOptions::body_std_m, here of an adult of average build
 
+    // The subject's own body.
+    void set_body(const BodyShape& known) { body = known, body_std_m = 0; }
+    BodyInUse initial_body() const { return {body, tracker.fit.cost.standing_m, body_std_m}; }
     // Empty when valid, else one sentence.
     std::string check() const;
     bool operator==(const PoseStageOptions&) const = default;

@@ -35,7 +35,7 @@ PoseStage::PoseStage(std::vector<Camera> cameras, double fps, const PoseStageOpt
       tracker_(fps, options.tracker),
       judge_(options.tracker.fit.cost),
       filter_(options.filter) {
-    set_body({options.body, options.tracker.fit.cost.standing_m, options.body_std_m});
+    set_body(options.initial_body());
 }
 
 void PoseStage::set_body(const BodyInUse& body) {

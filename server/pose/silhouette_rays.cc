@@ -166,7 +166,7 @@ bool shows_others(std::span<const SilhouetteRays> views) {
 
 bool is_among_others(std::span<const SilhouetteRays> views, Vec3 in_world) {
     constexpr int kMinAlone = 2;
-    return std::ranges::any_of(views, [](const auto& v) { return v.camera && v.distance.has_shared(); }) &&
+    return shows_others(views) &&
            std::ranges::count_if(views, [&](const auto& v) { return v.shows_alone(in_world); }) < kMinAlone;
 }
 

@@ -84,9 +84,11 @@ void LiveQuality::work() {
                 since_judged_ = 0;
             }
             if (!observer_)
-                observer_ = std::make_unique<Observer>(
-                    cameras_, *background_,
-                    ObserverOptions{options_.max_side_px, options_.samples, true, options_.judge_faint});
+                observer_ = std::make_unique<Observer>(cameras_, *background_,
+                                                       ObserverOptions{.max_side_px = options_.max_side_px,
+                                                                       .max_samples = options_.samples,
+                                                                       .latest = true,
+                                                                       .judge_faint = options_.judge_faint});
         }
         judge_one(std::move(one));
     }

@@ -123,8 +123,7 @@ absl::Status run(const CLI::App& app, Arguments& arguments) {
     if (!arguments.body_file.empty()) {
         auto body = kinevox::read_body_shape(arguments.body_file);
         if (!body.ok()) return body.status();
-        options.pipeline.posing.body = *std::move(body);
-        options.pipeline.posing.body_std_m = 0;
+        options.pipeline.posing.set_body(*body);
         options.poses.fit_body = false;
     }
     if (options.poses.body.stature_m)

@@ -29,7 +29,7 @@ RECORDING = "max_queue_mb = 2000\nmin_free_disk_mb = 0\n"  # no frame set is dro
 
 
 def capture(arguments, name, folder, body, out):
-    """Copies the recorded poses of one capture to `out`; the sequence's frame set with which they begin."""
+    """Copies the recorded poses of one capture to `out`; returns the sequence's frame set with which they begin."""
     arguments.sequence = name
     pose = f'auto_fit_body = {str(arguments.body == "automatic").lower()}\n'
     pose += "".join(f"{line}\n" for line in arguments.option)
@@ -59,9 +59,10 @@ def one(arguments, name, work):
     with tempfile.TemporaryDirectory() as scratch:
         body = processed / "body.toml" if arguments.body == "fitted" else None
         first = capture(arguments, name, Path(scratch), body, work / name / "live")
-    rows = []
     limits = [0, *arguments.spans, np.inf]
-    for span in [(0, np.inf), *zip(limits, limits[1:])][: None if arguments.spans else 1]:
+    parts = list(zip(limits, limits[1:])) if arguments.spans else []
+    rows = []
+    for span in [(0, np.inf), *parts]:
         row = measure(folder / "truth", fps, work / name / "live", span, first)
         row["ratio"] = row["mean_mm"] / offline["mean_mm"]
         row["span"] = span

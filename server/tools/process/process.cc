@@ -306,10 +306,7 @@ absl::Status process_session(const ProcessOptions& requested, const std::atomic<
         auto body = body_of_session(options.tpose_file, options, stop);
         if (!body.ok()) return body.status();
         options.poses.fit_body = !*body;
-        if (*body) {
-            options.pipeline.posing.body = **body;
-            options.pipeline.posing.body_std_m = 0;
-        }
+        if (*body) options.pipeline.posing.set_body(**body);
     }
     SessionRuns runs(*fingerprint, stop);
     auto run = runs.run(options);

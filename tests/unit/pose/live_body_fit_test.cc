@@ -119,7 +119,7 @@ TEST_F(LiveBodyFitTest, StartsAutomaticallyWithSubject) {
     EXPECT_EQ(fit_->progress().front().state, BodyFitState::kCollecting);
 }
 
-TEST_F(LiveBodyFitTest, FitsPreliminaryBodyToFirstSecond) {
+TEST_F(LiveBodyFitTest, FitsPreliminaryBodyToFirstHalfSecond) {
     options_.automatic = true;
     options_.automatic_duration_s = 3;
     make();
