@@ -199,8 +199,8 @@ void MainWindow::show_status() {
     state_label_->setText(QString::fromStdString(text.state));
     state_label_->setStyleSheet("color: " + colour.name());
     line_label_->setText(QString::fromStdString(text.line));
-    const bool show_latest =
-        !latest_message_.isEmpty() && message_age_.isValid() && message_age_.elapsed() < kMessageShown_ms;
+    const bool show_latest = connection.connected && !latest_message_.isEmpty() && message_age_.isValid() &&
+                             message_age_.elapsed() < kMessageShown_ms;
     remedy_label_->setText(show_latest ? latest_message_ : QString::fromStdString(text.remedy));
     remedy_label_->setStyleSheet("color: " + (show_latest ? theme_.text : colour).name());
 }

@@ -5,6 +5,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <utility>
@@ -69,14 +70,20 @@ struct Motion {
     double gain = 1, offset = 0;    // photometric
 };
 
-// Sum of robust squared differences, and the step that lowers it.
-double compare(const Level& first, const Level& now, const Motion& motion, Matrix5* square, Vector5* right,
-               int& used) {
+constexpr int kStrips = 16;  // of the image's width
+
+struct Difference {
+    std::array<double, kStrips> cost{};  // sum of robust squared differences in each strip
+    int used = 0;                        // pixels
+};
+
+// How much two images differ, and the step that lowers it.
+Difference compare(const Level& first, const Level& now, const Motion& motion, Matrix5* square = nullptr,
+                   Vector5* right = nullptr) {
     const cv::Mat& image = now.grey;
     const double cx = 0.5 * (image.cols - 1), cy = 0.5 * (image.rows - 1);
     const double cosine = std::cos(motion.roll), sine = std::sin(motion.roll);
-    double cost = 0;
-    used = 0;
+    Difference difference;
     if (square) square->setZero(), right->setZero();
     for (int y = 2; y < image.rows - 2; ++y)
         for (int x = 2; x < image.cols - 2; ++x) {
@@ -97,8 +104,9 @@ double compare(const Level& first, const Level& now, const Motion& motion, Matri
             const double residual = upper + b * (lower - upper) - motion.gain * before - motion.offset;
             const double ratio =
                 kNoise_grey * kNoise_grey / (kNoise_grey * kNoise_grey + residual * residual);
-            cost += residual * residual * ratio;
-            ++used;
+            difference.cost[static_cast<std::size_t>(x * kStrips / image.cols)] +=
+                residual * residual * ratio;
+            ++difference.used;
             if (!square) continue;
             const double by_u = (1 - b) * (at(j, i + 1) - at(j, i)) + b * (at(j + 1, i + 1) - at(j + 1, i));
             const double by_v = lower - upper;
@@ -107,7 +115,20 @@ double compare(const Level& first, const Level& now, const Motion& motion, Matri
             *square += ratio * ratio * slope * slope.transpose();
             *right -= ratio * ratio * residual * slope;
         }
-    return used ? cost / used : 0;
+    return difference;
+}
+
+// The fraction of the difference that the rotation explains, 0..1. A rotation explains it all over the image,
+// a subject in front of a plain wall in one part: two thirds of the visible strips have at least this
+// fraction.
+double explained_fraction(const Difference& still, const Difference& moved) {
+    std::vector<double> explained;
+    for (std::size_t strip = 0; strip < kStrips; ++strip)
+        if (still.cost[strip] > 0)
+            explained.push_back(std::clamp(1 - moved.cost[strip] / still.cost[strip], 0.0, 1.0));
+    if (explained.empty()) return 0;
+    std::ranges::sort(explained);
+    return explained[explained.size() / 3];
 }
 
 Motion without_rotation(const Motion& light) {
@@ -166,8 +187,6 @@ std::optional<SceneShift> StaticScene::measure(const Image& image, const kernels
         return SceneShift{};
     }
     Motion motion;
-    double cost = 0;
-    int used = 0;
     for (std::size_t l = 0; l < now.levels.size(); ++l) {
         if (l > 0)
             motion.x *= static_cast<double>(kWidths_px[l]) / kWidths_px[l - 1],
@@ -175,8 +194,8 @@ std::optional<SceneShift> StaticScene::measure(const Image& image, const kernels
         for (int round = 0; round < kRounds; ++round) {
             Matrix5 square;
             Vector5 right;
-            cost = compare(first_->levels[l], now.levels[l], motion, &square, &right, used);
-            if (used < kMinVisibleFraction * static_cast<double>(now.levels[l].grey.total()))
+            const Difference difference = compare(first_->levels[l], now.levels[l], motion, &square, &right);
+            if (difference.used < kMinVisibleFraction * static_cast<double>(now.levels[l].grey.total()))
                 return std::nullopt;
             square.diagonal() *= 1 + 1e-4;
             const Vector5 step = square.ldlt().solve(right);
@@ -187,17 +206,14 @@ std::optional<SceneShift> StaticScene::measure(const Image& image, const kernels
         }
     }
     const Level& finest = now.levels.back();
-    cost = compare(first_->levels.back(), finest, motion, nullptr, nullptr, used);
-    int ignored_count = 0;
-    const double still =
-        compare(first_->levels.back(), finest, without_rotation(motion), nullptr, nullptr, ignored_count);
     const double px =
         static_cast<double>(std::max(camera_.width, camera_.height)) / kWidths_px[std::size(kWidths_px) - 1];
     const double lateral_px = px * std::hypot(motion.x, motion.y);
     SceneShift shift;
     shift.rotation_deg = degrees(std::hypot(std::atan(lateral_px / camera_.fx), motion.roll));
     shift.shift_px = std::hypot(lateral_px, 0.25 * std::max(camera_.width, camera_.height) * motion.roll);
-    shift.explained = still > 0 ? std::clamp(1 - cost / still, 0.0, 1.0) : 0;
+    shift.explained = explained_fraction(compare(first_->levels.back(), finest, without_rotation(motion)),
+                                         compare(first_->levels.back(), finest, motion));
     if (shift.rotation_deg < kStillRotation_deg)
         for (std::size_t l = 0; l < now.levels.size(); ++l) {
             Level& first = first_->levels[l];
@@ -212,8 +228,9 @@ CameraMotionState::Change CameraMotionState::add(const std::optional<SceneShift>
                                                  const std::string& camera,
                                                  const CameraWatchOptions& options) {
     if (!shift) return Change::kNone;
-    camera_.shift_px = shift->shift_px;
-    const bool moved = shift->rotation_deg >= options.suspect_deg && shift->explained >= options.explained;
+    const bool differs = shift->rotation_deg >= options.suspect_deg;
+    const bool moved = differs && shift->explained >= options.explained;
+    if (moved || !differs) camera_.shift_px = shift->shift_px;
     const bool restored = shift->rotation_deg <= options.restored_deg;
     moved_in_a_row_ = moved ? moved_in_a_row_ + 1 : 0;
     restored_in_a_row_ = restored ? restored_in_a_row_ + 1 : 0;

@@ -24,7 +24,8 @@ namespace kinevox {
 struct SceneShift {
     double rotation_deg = 0;  // of the camera since the first image
     double shift_px = 0;      // at the image centre; for a roll, half way to the border
-    double explained = 0;     // fraction of the image difference that the rotation explains, 0..1
+    // Fraction of the image difference that the rotation explains, 0..1; all over the image, not in one part.
+    double explained = 0;
 };
 
 // Measures whether one camera has rotated, from the static scene in an earlier image. Not thread safe.
@@ -49,9 +50,9 @@ struct CameraWatchOptions {
     double interval_s = 0.5;     // between checked frame sets
     double suspect_deg = 0.25;   // rotation that makes a camera suspect; half a degree must be found
     double restored_deg = 0.12;  // rotation below which it is restored
-    double explained =
-        0.35;  // fraction of the image difference that the rotation must explain: else the light has changed
-    int confirmations = 2;  // consecutive checks
+    double explained = 0.35;     // fraction of the image difference that the rotation must explain: else the
+                                 // light or the subject has changed
+    int confirmations = 2;       // consecutive checks
 };
 
 struct WatchedCamera {
