@@ -40,6 +40,7 @@ struct SubjectResult {
     SubjectTrack track;
     std::shared_ptr<const Volume> volume;  // coloured; null if the frame set does not show the subject.
                                            // Shared, so that a queued volume does not keep the images alive
+    std::shared_ptr<const Volume> hull;    // before colour carving, without colours; only on request
     std::shared_ptr<const BodyPose> pose;  // null without a volume or a pose
     std::vector<float> silhouette_iou;     // per camera, 0..1, NaN if there is nothing to compare
 };

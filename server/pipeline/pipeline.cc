@@ -420,6 +420,8 @@ void StagedPipeline::reconstruct_subjects(Reconstruction& work, LapTimer& timer)
     result.times.hull_ms = timer.lap_ms();
     for (std::size_t n = 0; n < tracked_.size(); ++n) {
         if (!tracked_[n].lattice) continue;
+        if (options_.keep_hulls)
+            result.subjects[n].hull = std::make_shared<const Volume>(to_common(work.subjects[n].volume));
         if (options_.colouring) {
             timer.lap_ms();  // the conversion of the subject before
             colour(result, tracked_[n], work.subjects[n], result.subjects[n]);

@@ -34,6 +34,7 @@ struct PipelineOptions {
     std::shared_ptr<Gpu> gpu;
     double voxel_m = 0.01;
     bool colouring = true;
+    bool keep_hulls = false;  // SubjectResult::hull
     bool pose = true;
     bool allow_discontinuities = false;  // frame sets may come after_discontinuity
     kernels::SegmentationOptions segmentation;

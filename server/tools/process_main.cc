@@ -35,9 +35,10 @@ void declare(CLI::App& app, Arguments& arguments) {
     app.add_option("SESSION", options.session_file, "Session file (session.toml)")->required();
     app.add_option("--out", options.out_folder, "Output folder (created)")->required();
     app.add_flag("--overwrite", options.overwrite, "Replace the results of another run in --out");
-    app.add_option("--save", arguments.save, "Additional outputs: silhouettes,volumes")
+    app.add_option("--save", arguments.save,
+                   "Additional outputs: silhouettes,volumes,hulls (hulls: the volumes before colour carving)")
         ->delimiter(',')
-        ->check(CLI::IsMember({"silhouettes", "volumes"}));
+        ->check(CLI::IsMember({"silhouettes", "volumes", "hulls"}));
     app.add_option("--config", arguments.config_file,
                    "Configuration file of the daemon that supplies the pipeline's options; the options below "
                    "override it");
@@ -129,8 +130,12 @@ absl::Status run(const CLI::App& app, Arguments& arguments) {
     if (options.poses.body.stature_m)
         options.pipeline.posing.body = kinevox::default_body_shape(*options.poses.body.stature_m);
     options.pipeline.posing.filtered = false;  // the whole recording is smoothed at the end
-    for (const std::string& what : arguments.save)
-        (what == "volumes" ? options.writer.save_volumes : options.writer.save_silhouettes) = true;
+    const auto saves = [&](const char* what) {
+        return std::ranges::find(arguments.save, what) != arguments.save.end();
+    };
+    options.writer.save_silhouettes = saves("silhouettes");
+    options.writer.save_volumes = saves("volumes");
+    options.writer.save_hulls = options.pipeline.keep_hulls = saves("hulls");
     options.quiet = options.quiet || arguments.json;
 
     kinevox::silence_video_libraries();

@@ -58,18 +58,14 @@ def judge_quality(name, out, judgement):
 
 def judge_studio(name, program, results, judgement, pool):
     folder = data_folder() / "studio" / name
-    session, out, hull = Session(folder / "session.toml"), results / name, results / f"{name}_hull"
-    process(program, session.file, out, "--save", "silhouettes,volumes")
-    last_mesh = max(frame for frame, _, _ in session.true_meshes())
-    process(
-        program, session.file, hull, "--save", "volumes", "--no-colouring", "--no-pose", "--frames", str(last_mesh + 1)
-    )
+    session, out = Session(folder / "session.toml"), results / name
+    process(program, session.file, out, "--save", "silhouettes,volumes,hulls")
 
     judge_quality(name, out, judgement)
     cameras = silhouettes.judge(folder, out, pool)
     mean_iou = float(np.mean(list(cameras.values())))
     judgement.measure(name, {"mean_iou": mean_iou, "min_camera_iou": min(cameras.values())}, "silhouettes")
-    found = volume.judge(session, out, hull)
+    found = volume.judge(session, out)
     judgement.measure(
         name, {k: found[k] for k in ("hull_coverage", "hull_iou", "coloured_coverage", "coloured_iou")}, "volume"
     )

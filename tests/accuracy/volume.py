@@ -3,7 +3,7 @@
 
     tests/accuracy/volume.py [--kinevox-process PATH] [--voxel-mm 10] [--sequences walk,gesture,signal,sprint]
 
-Runs `kinevox process` on each sequence twice, with and without colouring, and prints per sequence
+Runs `kinevox process` on each sequence and prints per sequence
   - the hull from perfect masks (truth/masks, four cameras): IoU with the mesh;
   - the hull from the silhouettes: fraction of the mesh's interior that it covers, IoU, litres;
   - the coloured volume: coverage, IoU, litres;
@@ -114,21 +114,9 @@ def solid(points, grid):
     return ~outside
 
 
-def run(program, session, folder, voxel_mm, frames, colouring):
-    command = [
-        str(program),
-        str(session),
-        "--out",
-        str(folder),
-        "--save",
-        "volumes",
-        "--voxel-mm",
-        str(voxel_mm),
-        "--frames",
-        str(frames),
-        "--quiet",
-    ] + ([] if colouring else ["--no-colouring"])
-    subprocess.run(command, check=True)
+def run(program, session, folder, voxel_mm, frames):
+    options = ["--save", "volumes,hulls", "--voxel-mm", str(voxel_mm), "--frames", str(frames), "--quiet"]
+    subprocess.run([program, session, "--out", folder, *options], check=True)
 
 
 def lattice_offset(points, voxel_m):
@@ -136,9 +124,9 @@ def lattice_offset(points, voxel_m):
     return np.mod(points[:1] / voxel_m - 0.5 + 1e-3, 1)[0] - 1e-3
 
 
-def compare(folder, frame, vertices, triangles, voxel_m):
-    """(IoU, coverage, litres, litres of the mesh) of one saved volume."""
-    points = read_points(folder / "volumes" / f"{frame:06d}.ply")
+def compare(file, vertices, triangles, voxel_m):
+    """(IoU, coverage, litres, litres of the mesh) of one saved volume or hull."""
+    points = read_points(file)
     if len(points) == 0:
         return 0.0, 0.0, 0.0, float("nan")
     shift = lattice_offset(points, voxel_m) * voxel_m  # so that voxel centres coincide
@@ -163,8 +151,8 @@ FIELDS = (
 )
 
 
-def rows_of(session, coloured, plain, voxel_m):
-    """[(frame, values in the order of FIELDS)] of the frames with a mesh; the two results with and without colouring."""
+def rows_of(session, results, voxel_m):
+    """[(frame, values in the order of FIELDS)] of the frames with a mesh."""
     masks = [list(session.true_masks(camera)) for camera in session.cameras]
     rows = []
     for frame, vertices, triangles in session.true_meshes():
@@ -177,17 +165,17 @@ def rows_of(session, coloured, plain, voxel_m):
                 frame,
                 [
                     perfect,
-                    *compare(plain, frame, vertices, triangles, voxel_m)[:3],
-                    *compare(coloured, frame, vertices, triangles, voxel_m),
+                    *compare(results / "hulls" / f"{frame:06d}.ply", vertices, triangles, voxel_m)[:3],
+                    *compare(results / "volumes" / f"{frame:06d}.ply", vertices, triangles, voxel_m),
                 ],
             )
         )
     return rows
 
 
-def judge(session, coloured, plain, voxel_m=0.01):
+def judge(session, results, voxel_m=0.01):
     """Means over the frames with a mesh, by FIELDS."""
-    return dict(zip(FIELDS, np.array([values for _, values in rows_of(session, coloured, plain, voxel_m)]).mean(0)))
+    return dict(zip(FIELDS, np.array([values for _, values in rows_of(session, results, voxel_m)]).mean(0)))
 
 
 def main():
@@ -213,11 +201,10 @@ def main():
     for name in arguments.sequences.split(","):
         session = Session(studio / name / "session.toml")
         with tempfile.TemporaryDirectory() as scratch:
-            coloured, plain = Path(scratch) / "coloured", Path(scratch) / "hull"
+            results = Path(scratch) / "results"
             last = max(frame for frame, _, _ in session.true_meshes()) + 1
-            run(program, session.file, coloured, arguments.voxel_mm, last, True)
-            run(program, session.file, plain, arguments.voxel_mm, last, False)
-            rows = rows_of(session, coloured, plain, voxel_m)
+            run(program, session.file, results, arguments.voxel_mm, last)
+            rows = rows_of(session, results, voxel_m)
         lines += [[name, frame] + [f"{value:.4f}" for value in values] for frame, values in rows]
         table = [values for _, values in rows]
         table = np.array(table)

@@ -98,7 +98,7 @@ class Process(unittest.TestCase):
     def results(self):
         """The walk with all results, computed once; tests only read them."""
         out = self.shared / "out"
-        return out if out.exists() else self.process(out, "--save", "silhouettes,volumes", "--threads", 4)
+        return out if out.exists() else self.process(out, "--save", "silhouettes,volumes,hulls", "--threads", 4)
 
     def test_rules_select_the_subjects(self):
         """The second person of the pair stands in the keep-out region, and hides and touches the first one."""
@@ -132,9 +132,9 @@ class Process(unittest.TestCase):
             self.assertEqual(images, [f"{n:06d}.png" for n in range(FRAMES)])
         header = (out / "silhouettes" / "cam2" / "000003.png").read_bytes()[:24]
         self.assertEqual(struct.unpack(">II", header[16:24]), (640, 480), "the camera's full image")
-        volumes = sorted(p.name for p in (out / "volumes").iterdir())
-        self.assertEqual(volumes, [f"{n:06d}.ply" for n in range(FRAMES)])
-        self.assertTrue((out / "volumes" / "000000.ply").read_bytes().startswith(b"ply\n"))
+        for kind in ("volumes", "hulls"):
+            self.assertEqual(sorted(p.name for p in (out / kind).iterdir()), [f"{n:06d}.ply" for n in range(FRAMES)])
+            self.assertTrue((out / kind / "000000.ply").read_bytes().startswith(b"ply\n"))
         self.assertEqual([p.name for p in out.iterdir() if p.name.startswith(".")], [], "no partial file is left")
 
     def test_volume_is_a_persons(self):
@@ -193,7 +193,7 @@ class Process(unittest.TestCase):
         self.assertEqual((run["fps"], run["frame_count"]), (10, 5))
 
     def test_results_do_not_depend_on_threads(self):
-        runs = [self.process("one", "--save", "silhouettes,volumes", "--threads", 1), self.results()]
+        runs = [self.process("one", "--save", "silhouettes,volumes,hulls", "--threads", 1), self.results()]
         files = sorted(p.relative_to(runs[0]) for p in runs[0].rglob("*") if p.is_file())
         self.assertEqual(files, sorted(p.relative_to(runs[1]) for p in runs[1].rglob("*") if p.is_file()))
         for file in files:
@@ -207,7 +207,7 @@ class Process(unittest.TestCase):
         self.assertIn("--overwrite", done.stderr)
         self.assertTrue((out / "volumes").exists())
         self.process("out", "--voxel-mm", 20, "--no-pose", "--overwrite")
-        for name in ("volumes", "joints.csv", "angles.csv", "coordinates.csv", "body.toml", "body_1.toml"):
+        for name in ("volumes", "hulls", "joints.csv", "angles.csv", "coordinates.csv", "body.toml", "body_1.toml"):
             self.assertFalse((out / name).exists(), f"{name} of the earlier run next to new tables")
         self.assertTrue((out / "run.toml").exists())
         self.assertEqual({r["voxel_mm"] for r in rows_of(out / "volume.csv")}, {"20"})

@@ -115,7 +115,7 @@ class FolderWriter final : public ResultWriter {
         fs::create_directories(partial_, error);
         if (error) return cannot_write(partial_, error.message());
         if (absl::Status begun = begin_version(); !begun.ok()) return begun;
-        if (options_.save_silhouettes || options_.save_volumes)
+        if (options_.save_silhouettes || options_.save_volumes || options_.save_hulls)
             for (int n = 0; n < std::max(options_.threads, 1); ++n)
                 threads_.emplace_back([this] { write_waiting(); });
         return absl::OkStatus();
@@ -129,6 +129,7 @@ class FolderWriter final : public ResultWriter {
             for (const std::string& name : names_)
                 fs::create_directories(version.folder / "silhouettes" / name, error);
         if (options_.save_volumes) fs::create_directories(version.folder / "volumes", error);
+        if (options_.save_hulls) fs::create_directories(version.folder / "hulls", error);
         if (error) return cannot_write(version.folder, error.message());
         versions_.push_back(std::move(version));
         return absl::OkStatus();
@@ -199,16 +200,17 @@ absl::Status FolderWriter::write_one(const fs::path& folder, const FrameResult& 
             const std::string_view bytes(reinterpret_cast<const char*>(png.data()), png.size());
             if (absl::Status written = write_file_atomically(file, bytes); !written.ok()) return written;
         }
-    if (!options_.save_volumes) return absl::OkStatus();
     // A file per subject: FRAME.ply of the first, FRAME_sID.ply of others.
     for (const SubjectResult& subject : result.subjects) {
-        if (!subject.volume) continue;
-        const std::string ending =
-            &subject == result.first_subject() ? ".ply" : fmt::format("_s{}.ply", subject.track.subject_id);
-        if (absl::Status written =
-                write_volume_ply(*subject.volume, folder / "volumes" / six_digits(result.sequence, ending));
-            !written.ok())
-            return written;
+        const std::string file_name = six_digits(
+            result.sequence,
+            &subject == result.first_subject() ? ".ply" : fmt::format("_s{}.ply", subject.track.subject_id));
+        absl::Status written;
+        if (options_.save_volumes && subject.volume)
+            written.Update(write_volume_ply(*subject.volume, folder / "volumes" / file_name));
+        if (options_.save_hulls && subject.hull)
+            written.Update(write_volume_ply(*subject.hull, folder / "hulls" / file_name));
+        if (!written.ok()) return written;
     }
     return absl::OkStatus();
 }
@@ -247,6 +249,7 @@ absl::Status FolderWriter::finish(int version) {
     std::vector<std::string> made;
     if (options_.save_silhouettes) made.emplace_back("silhouettes");
     if (options_.save_volumes) made.emplace_back("volumes");
+    if (options_.save_hulls) made.emplace_back("hulls");
     std::vector<Table> tables = kept.tables.tables();
     tables.insert(tables.end(), kept.more_tables.begin(), kept.more_tables.end());
     for (const Table& table : tables) {
@@ -259,7 +262,7 @@ absl::Status FolderWriter::finish(int version) {
     // half replaced is not complete.
     std::error_code error;
     std::vector<fs::path> old{folder_ / "run.toml"};
-    for (const char* name : {"silhouettes", "volumes", "joints.csv", "angles.csv", "coordinates.csv",
+    for (const char* name : {"silhouettes", "volumes", "hulls", "joints.csv", "angles.csv", "coordinates.csv",
                              "uncertainty.csv", "withheld.csv", "body.toml"})
         old.push_back(folder_ / name);
     for (const auto& entry : fs::directory_iterator(folder_, error))

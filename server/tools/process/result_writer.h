@@ -39,6 +39,7 @@ class ResultTables {
 struct ResultWriterOptions {
     bool save_silhouettes = false;  // silhouettes/CAMERA/000000.png, the sharp ones
     bool save_volumes = false;      // volumes/000000.ply
+    bool save_hulls = false;        // hulls/000000.ply: the volumes before colour carving
     int threads = 2;                // compress and write images and volumes
     int max_waiting = 8;            // frame sets not yet written, beyond which add() blocks
 };

@@ -133,6 +133,7 @@ absl::StatusOr<std::string> run_fingerprint(const ProcessOptions& options) {
     fingerprint.add_number(options.single_run);
     fingerprint.add_number(options.writer.save_silhouettes);
     fingerprint.add_number(options.writer.save_volumes);
+    fingerprint.add_number(options.writer.save_hulls);
     if (!options.tpose_file.empty() && pipeline.pose)
         if (absl::Status added = add_session(options.tpose_file, fingerprint); !added.ok()) return added;
     return fingerprint.text();
