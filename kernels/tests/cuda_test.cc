@@ -87,7 +87,7 @@ std::pair<std::size_t, std::size_t> compare(const VoxelVolume& a, const VoxelVol
     return {filled, different};
 }
 
-Colour checks(const float* p) {
+Colour checkerboard(const float* p) {
     const int n =
         static_cast<int>(std::floor(p[0] / 0.07f) + std::floor(p[1] / 0.07f) + std::floor(p[2] / 0.07f));
     return n % 2 ? Colour{200, 80, 30} : Colour{40, 90, 180};
@@ -176,7 +176,7 @@ class CudaColouring : public Cuda {
                 return std::min(box_distance(p, 0.12f, 0.2f, 0.3f),
                                 sphere_distance(p, 0.2f, 0.1f, 1.1f, 0.2f));
             },
-            checks);
+            checkerboard);
         make_hull_carver(Device::kCpu)->carve(scene.hull_views(), make_lattice(0.012f, 80, 88, 96), hull);
     }
 
@@ -226,7 +226,7 @@ TEST_F(CudaColouring, ColoursEqualCpuForm) {
 }
 
 TEST_F(CudaColouring, SharpTrimmingEqualsCpuForm) {
-    scene.draw([](const float* p) { return box_distance(p, 0.1f, 0.17f, 0.27f); }, checks);
+    scene.draw([](const float* p) { return box_distance(p, 0.1f, 0.17f, 0.27f); }, checkerboard);
     ColouringOptions options;
     options.max_rounds = 1;
     options.max_colour_difference_std = 0;

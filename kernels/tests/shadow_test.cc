@@ -23,7 +23,7 @@ namespace {
 using testing::count_in;
 using testing::TestImage;
 
-constexpr int kWidth = 192, kHeight = 144;
+constexpr int kImageWidth = 192, kImageHeight = 144;
 
 // 3 m from the world's z axis, looking at it from `azimuth` (radians).
 struct Height {
@@ -31,8 +31,8 @@ struct Height {
 };
 CameraModel camera_at(double azimuth, float k1 = 0, Height height = {}) {
     CameraModel c;
-    c.width = kWidth, c.height = kHeight;
-    c.fx = c.fy = 200, c.cx = kWidth / 2.0f - 0.5f, c.cy = kHeight / 2.0f - 0.5f, c.k1 = k1;
+    c.width = kImageWidth, c.height = kImageHeight;
+    c.fx = c.fy = 200, c.cx = kImageWidth / 2.0f - 0.5f, c.cy = kImageHeight / 2.0f - 0.5f, c.k1 = k1;
     const double down_m = height.of_camera - height.of_target;
     const double distance = std::hypot(3.0, down_m), sine = std::sin(azimuth), cosine = std::cos(azimuth);
     const double forward[3] = {-3 * cosine / distance, -3 * sine / distance, -down_m / distance};
@@ -77,10 +77,11 @@ class FloorCamera {
 
     // The floor under a light that depends on the place and on the pixel.
     TestImage image(const std::function<double(FloorPoint, int x, int y)>& light) {
-        TestImage image{kWidth, kHeight, 3, std::vector<std::uint8_t>(kWidth * kHeight * 3)};
+        TestImage image{kImageWidth, kImageHeight, 3,
+                        std::vector<std::uint8_t>(kImageWidth * kImageHeight * 3)};
         std::normal_distribution<double> noise(0, 1.5);
-        for (int y = 0; y < kHeight; ++y)
-            for (int x = 0; x < kWidth; ++x) {
+        for (int y = 0; y < kImageHeight; ++y)
+            for (int x = 0; x < kImageWidth; ++x) {
                 const FloorPoint p = floor_at(x, y);
                 const double grain = 10 * std::sin(9 * p.x) * std::cos(7 * p.y);
                 const double colour[3] = {120 + grain, 135 + grain, 150 + grain};
@@ -107,7 +108,7 @@ struct Rig {
         : cameras{FloorCamera(0, 1, 0, height), FloorCamera(2.1, 2, 0, height),
                   FloorCamera(4.2, 3, 0, height)} {
         for (int c = 0; c < 3; ++c) {
-            segmenters[c] = make_segmenter(device, kWidth, kHeight, 3, options);
+            segmenters[c] = make_segmenter(device, kImageWidth, kImageHeight, 3, options);
             segmenters[c]->set_camera(cameras[c].model);
             std::vector<TestImage> clip;
             for (int n = 0; n < 30; ++n) clip.push_back(cameras[c].image([](auto...) { return 1.0; }));
@@ -133,7 +134,7 @@ constexpr double kDark = 0.7;
 
 void skip_without(Device device) {
     try {
-        make_segmenter(device, kWidth, kHeight, 3);
+        make_segmenter(device, kImageWidth, kImageHeight, 3);
     } catch (const std::runtime_error& error) {
         if (std::getenv("KINEVOX_REQUIRE_GPU")) FAIL() << "a GPU was asked for, but: " << error.what();
         GTEST_SKIP() << "no GPU: " << error.what();
@@ -187,14 +188,14 @@ TEST_P(Shadow, IsSubjectWhenAnotherCameraSeesTheFloorLit) {
     const auto out = rig.segment(images);
     const int area = trousers.width() * trousers.height();
     // Even with the floor's own grain, which speaks for a shadow: 0.86 of them.
-    EXPECT_GT(count_in(out[0].sharp, kWidth, trousers), 0.8 * area);
+    EXPECT_GT(count_in(out[0].sharp, kImageWidth, trousers), 0.8 * area);
     EXPECT_LT(static_cast<double>(out[0].sharp_pixels), 1.15 * area);
     EXPECT_EQ(out[1].sharp_pixels, 0);
 
     // Alone, the first camera takes it for a shadow.
     Silhouettes alone;
     rig.segmenters[0]->segment(images[0].view(), {}, alone);
-    EXPECT_LT(count_in(alone.sharp, kWidth, trousers), 0.5 * area);
+    EXPECT_LT(count_in(alone.sharp, kImageWidth, trousers), 0.5 * area);
 }
 
 TEST_P(Shadow, IsSubjectBeforeAWallWhereTheOtherCamerasSeeIt) {
@@ -215,8 +216,8 @@ TEST_P(Shadow, IsSubjectBeforeAWallWhereTheOtherCamerasSeeIt) {
     }
     const auto out = rig.segment(images);
     const int area = shirt.width() * shirt.height();
-    EXPECT_GT(count_in(out[0].sharp, kWidth, shirt), 0.9 * area);
-    EXPECT_LT(count_in(out[0].sharp, kWidth, shadow), 0.02 * area);
+    EXPECT_GT(count_in(out[0].sharp, kImageWidth, shirt), 0.9 * area);
+    EXPECT_LT(count_in(out[0].sharp, kImageWidth, shadow), 0.02 * area);
 }
 
 TEST_P(Shadow, DecidesLighterPixelsByTheFloorsTexture) {
@@ -246,7 +247,7 @@ TEST_P(Shadow, DecidesLighterPixelsByTheFloorsTexture) {
     EXPECT_GT(lighter, 1000);
     EXPECT_LT(static_cast<double>(out[1].sharp_pixels), 0.02 * lighter);
     const int area = trousers.width() * trousers.height();
-    EXPECT_GT(count_in(out[0].sharp, kWidth, trousers), 0.9 * area);
+    EXPECT_GT(count_in(out[0].sharp, kImageWidth, trousers), 0.9 * area);
 }
 
 // Of nearly the floor's brightness and colour in every camera, without its grain.
@@ -273,8 +274,8 @@ TEST_P(Shadow, FindsClothesOfTheFloorsColourWhenFaintBlocksAreJudged) {
     const auto found = faint.segment(images), missed = plain.segment(images);
     int of_faint = 0, of_plain = 0;
     for (int c = 0; c < 3; ++c) {
-        of_faint += count_in(found[c].sharp, kWidth, trousers);
-        of_plain += count_in(missed[c].sharp, kWidth, trousers);
+        of_faint += count_in(found[c].sharp, kImageWidth, trousers);
+        of_plain += count_in(missed[c].sharp, kImageWidth, trousers);
         EXPECT_LT(static_cast<double>(found[c].sharp_pixels), 1.05 * area) << "camera " << c;
     }
     EXPECT_GT(of_faint, 0.6 * 3 * area);
@@ -389,7 +390,7 @@ TEST(Support, IsTheHighestMeanVoteAlongTheRay) {
                               {directions.centre[0], directions.centre[1], directions.centre[2]}};
     const Projector camera = make_projector(own.model, "test");
     std::array<kde::SceneView, 2> views;
-    constexpr int kColumns = kWidth / kde::kVoteBlock_px, kRows = kHeight / kde::kVoteBlock_px;
+    constexpr int kColumns = kImageWidth / kde::kVoteBlock_px, kRows = kImageHeight / kde::kVoteBlock_px;
     std::array<std::vector<std::int8_t>, 2> votes;
     const Rect subject{80, 40, 112, 100};
     for (int n = 0; n < 2; ++n) {
@@ -427,8 +428,8 @@ TEST(FloorGrid, FloorPointProjectsToItsPixelWithDistortion) {
         const FloorCamera camera(1.0, 5, k1);
         const Projector projector = make_projector(camera.model, "test");
         int seen = 0;
-        for (int y = 3; y < kHeight; y += 7)
-            for (int x = 2; x < kWidth; x += 7) {
+        for (int y = 3; y < kImageHeight; y += 7)
+            for (int x = 2; x < kImageWidth; x += 7) {
                 const FloorPoint p = camera.floor_at(x, y);
                 if (!p.seen) continue;
                 ++seen;
