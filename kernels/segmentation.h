@@ -152,6 +152,9 @@ class Segmenter {
     virtual void learn(std::span<const ImageView> empty_scene) = 0;
     virtual bool learned() const = 0;
 
+    // Replaces SegmentationOptions::judge_faint from the next frame on.
+    virtual void set_judge_faint(bool judge) = 0;
+
     // The camera in the world frame, z up, the floor at z = 0; without it, shadows are judged from this
     // camera's image alone. Throws std::invalid_argument for an unusable camera.
     virtual void set_camera(const CameraModel& camera) = 0;

@@ -42,6 +42,7 @@ class CpuSegmenter final : public RewindableSegmenter {
     CpuSegmenter(int width, int height, int channels, const SegmentationOptions& options);
     void learn(std::span<const ImageView> empty_scene) override;
     bool learned() const override { return learned_; }
+    void set_judge_faint(bool judge) override;
     void keep_learned() override { keep_learned_ = true; }
     void forget_frames() override;
     void set_camera(const CameraModel& camera) override;
@@ -120,7 +121,7 @@ CpuSegmenter::CpuSegmenter(int width, int height, int channels, const Segmentati
     parameters_.darkest = options.darkest_shadow;
     parameters_.brightest = options.brightest_light;
     parameters_.log_prior_light = std::log(options.light_change_prior);
-    if (options.judge_faint) parameters_.shadow = kde::kFaintRule;
+    set_judge_faint(options.judge_faint);
     for (int i = 0; i < 256; ++i)
         log_lit_[i] =
             std::log(std::max(i, 1) / 255.0f * static_cast<float>(kde::saturation(options.samples)));
@@ -128,6 +129,15 @@ CpuSegmenter::CpuSegmenter(int width, int height, int channels, const Segmentati
         const float evidence = (static_cast<float>(i) - 127.5f) / 127.5f * parameters_.limit;
         probability_of_[i] = static_cast<std::uint8_t>(std::lround(255.0f / (1.0f + std::exp(-evidence))));
     }
+}
+
+void CpuSegmenter::set_judge_faint(bool judge) {
+    if (options_.judge_faint && !judge) {
+        faint_ = {};
+        noise_factor_ = 1;
+    }
+    options_.judge_faint = judge;
+    parameters_.shadow = judge ? kde::kFaintRule : kde::ShadowRule{};
 }
 
 void CpuSegmenter::learn(std::span<const ImageView> empty_scene) {

@@ -51,6 +51,7 @@ class CudaSegmenter final : public RewindableSegmenter {
     ~CudaSegmenter() override;
     void learn(std::span<const ImageView> empty_scene) override;
     bool learned() const override { return learned_; }
+    void set_judge_faint(bool judge) override;
     void keep_learned() override { keep_learned_ = true; }
     void forget_frames() override;
     void set_camera(const CameraModel& camera) override;
@@ -176,8 +177,12 @@ void CudaSegmenter::set_options() {
     data_.max_hole_fraction = options_.max_hole_fraction;
     data_.refine_border = options_.refine_border;
     data_.count_colours = options_.colour_memory_weight > 0;
-    data_.judge_faint = options_.judge_faint;
-    if (options_.judge_faint) data_.parameters.shadow = kde::kFaintRule;
+    set_judge_faint(options_.judge_faint);
+}
+
+void CudaSegmenter::set_judge_faint(bool judge) {
+    data_.judge_faint = options_.judge_faint = judge;
+    data_.parameters.shadow = judge ? kde::kFaintRule : kde::ShadowRule{};
 }
 
 void CudaSegmenter::learn(std::span<const ImageView> empty_scene) {

@@ -282,6 +282,26 @@ TEST_P(Shadow, FindsClothesOfTheFloorsColourWhenFaintBlocksAreJudged) {
     EXPECT_LT(of_plain, 0.5 * of_faint);
 }
 
+TEST_P(Shadow, BeginsAndEndsJudgingFaintBlocksBetweenFrames) {
+    SegmentationOptions options{.update_interval = 0, .colour_memory_weight = 0};
+    Rig plain(GetParam(), {}, options), switched(GetParam(), {}, options);
+    options.judge_faint = true;
+    Rig faint(GetParam(), {}, options);
+    const auto images = with_faint_trousers(faint, {80, 40, 110, 100});
+    const auto expect_equal = [&](Rig& expected) {
+        const auto found = switched.segment(images), wanted = expected.segment(images);
+        for (int c = 0; c < 3; ++c) EXPECT_EQ(found[c].probability, wanted[c].probability) << "camera " << c;
+    };
+    const auto judge_faint = [&](bool judge) {
+        for (const auto& segmenter : switched.segmenters) segmenter->set_judge_faint(judge);
+    };
+    expect_equal(plain);
+    judge_faint(true);
+    expect_equal(faint);
+    judge_faint(false);
+    expect_equal(plain);
+}
+
 TEST_P(Shadow, StaysBackgroundWhenFaintBlocksAreJudged) {
     Rig rig(GetParam(), {}, {.judge_faint = true});
     int shaded = 0;

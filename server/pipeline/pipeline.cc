@@ -6,6 +6,7 @@
 #include <oneapi/tbb/task_arena.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <exception>
 #include <limits>
@@ -108,6 +109,7 @@ class StagedPipeline final : public Pipeline {
     absl::Status learn_background(const std::vector<std::vector<Image>>& empty_scene) override;
     absl::StatusOr<std::unique_ptr<Reconstruction>> reconstruct(FrameSet frame_set) override;
     absl::StatusOr<FrameResultPtr> pose(std::unique_ptr<Reconstruction> reconstruction) override;
+    void set_judge_faint(bool judge) override { judge_faint_ = judge; }
     void reset_track() override {
         tracker_.reset();
         shapes_.clear();
@@ -149,6 +151,8 @@ class StagedPipeline final : public Pipeline {
     PipelineOptions options_;
     std::vector<kernels::CameraModel> models_;
     SpareReconstructions spare_;
+
+    std::atomic<bool> judge_faint_ = options_.segmentation.judge_faint;
 
     // Of the first half only.
     DeviceStages device_;
@@ -285,9 +289,11 @@ void StagedPipeline::segment(FrameResult& result) {
         else
             seeing.push_back(c);
     }
+    const bool judge_faint = judge_faint_;
     device_.run([&](Stages& stages) {
         for_each_camera(seeing.size(), [&](std::size_t n) {
             const std::size_t c = seeing[n];
+            stages.segmenters[c]->set_judge_faint(judge_faint);
             stages.segmenters[c]->begin_frame(to_kernel(result.frame_set.images[c]),
                                               expectation(c, priors[c]));
         });

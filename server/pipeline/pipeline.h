@@ -106,6 +106,9 @@ class Pipeline {
     // Both.
     absl::StatusOr<FrameResultPtr> process(FrameSet frame_set);
 
+    // Replaces SegmentationOptions::judge_faint from the next frame set on. By any thread.
+    virtual void set_judge_faint(bool judge) = 0;
+
     // Resets the track, keeps the backgrounds.
     virtual void reset_track() = 0;
 

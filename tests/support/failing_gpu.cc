@@ -23,6 +23,7 @@ class FailingSegmenter final : public kernels::RewindableSegmenter {
     bool learned() const override { return inner_->learned(); }
     void keep_learned() override { inner_->keep_learned(); }
     void forget_frames() override { inner_->forget_frames(); }
+    void set_judge_faint(bool judge) override { inner_->set_judge_faint(judge); }
     void set_camera(const kernels::CameraModel& camera) override { inner_->set_camera(camera); }
     void begin_frame(const kernels::ImageView& image, const kernels::SegmentationPrior& prior) override {
         inner_->begin_frame(image, prior);

@@ -51,6 +51,7 @@ class FakePipeline : public Pipeline {
     absl::Status learn_background(const std::vector<std::vector<Image>>& empty_scene) override;
     absl::StatusOr<std::unique_ptr<Reconstruction>> reconstruct(FrameSet frame_set) override;
     absl::StatusOr<FrameResultPtr> pose(std::unique_ptr<Reconstruction> reconstruction) override;
+    void set_judge_faint(bool) override {}
     void reset_track() override {}
     void set_cameras(std::vector<Camera> cameras) override { cameras_set = std::move(cameras); }
     PoseStage* pose_stage() override { return nullptr; }
