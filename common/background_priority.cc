@@ -26,6 +26,12 @@ void lower_this_threads_priority() {
 #endif
 }
 
+void lower_this_threads_priority_by([[maybe_unused]] int levels) {
+#ifdef __linux__
+    setpriority(PRIO_PROCESS, this_thread(), getpriority(PRIO_PROCESS, this_thread()) + levels);
+#endif
+}
+
 void with_nicer_threads([[maybe_unused]] int levels, const std::function<void()>& work) {
 #ifdef __linux__
     // A thread of its own: what was given up here could not be taken back without privileges.

@@ -19,6 +19,7 @@ constexpr double kMaxWait_s = 20;         // for a subject after a request
 constexpr double kReportGone_s = 60;      // whether a requested fit succeeded
 constexpr std::size_t kMaxSubjects = 64;  // remembered, gone ones included
 constexpr int kAttempts = 3;              // automatic ones
+constexpr int kNicer = 5;                 // than the pipeline's threads: a third of a busy core
 // Of a preliminary fit, which must be there soon.
 constexpr int kPreliminaryRounds = 1, kPreliminarySizeFrames = 2;
 
@@ -57,12 +58,18 @@ LiveBodyFit::LiveBodyFit(std::vector<Camera> cameras, double fps, const PoseStag
       observers_(std::move(observers)),
       cameras_(std::make_shared<const std::vector<Camera>>(std::move(cameras))) {
     subject_of(0);
-    worker_ = std::thread([this] { fit_loop(); });
+    worker_ = std::thread([this] {
+        lower_this_threads_priority_by(kNicer);
+        fit_loop(false);
+    });
+    // Without a body of their own poses are worth little: it has the capture's priority.
+    preliminary_worker_ = std::thread([this] { fit_loop(true); });
 }
 
 LiveBodyFit::~LiveBodyFit() {
     close();
     worker_.join();
+    preliminary_worker_.join();
 }
 
 void LiveBodyFit::close() {
@@ -303,6 +310,38 @@ void LiveBodyFit::enqueue(std::uint32_t key, Frames frames, bool preliminary) {
     changed_.notify_all();
 }
 
+void LiveBodyFit::refit() {
+    const std::scoped_lock lock(mutex_);
+    lone_fits_.clear();
+    for (auto& [key, subject] : subjects_) {
+        if (subject.progress.requested || !options_.automatic) continue;
+        cancel(key);
+        subject.collecting.reset();
+        subject.attempts_left = kAttempts;
+        subject.awaits_refit = true;
+        subject.before_refit = subject.progress;
+        subject.progress.state = BodyFitState::kNotStarted;
+    }
+}
+
+void LiveBodyFit::undo_refit() {
+    {
+        const std::scoped_lock lock(mutex_);
+        lone_fits_.clear();
+        for (auto& [key, subject] : subjects_) {
+            subject.awaits_refit = false;
+            if (!subject.before_refit || subject.progress.requested) continue;
+            cancel(key);
+            subject.collecting.reset();
+            const std::uint32_t id = subject.progress.subject_id;
+            subject.progress = *std::exchange(subject.before_refit, std::nullopt);
+            subject.progress.subject_id = id;
+            subject.attempts_left = subject.progress.state == BodyFitState::kReady ? 0 : kAttempts;
+        }
+    }
+    report({});
+}
+
 void LiveBodyFit::set_cameras(std::vector<Camera> cameras) {
     const std::scoped_lock lock(mutex_);
     cameras_ = std::make_shared<const std::vector<Camera>>(std::move(cameras));
@@ -325,6 +364,12 @@ bool LiveBodyFit::is_reported(std::uint32_t key, const Subject& subject) const {
                                       seconds_between(*subject.gone_since_ns, last_time_ns_) < kReportGone_s);
 }
 
+bool LiveBodyFit::awaits_refit(std::uint32_t subject_id) const {
+    const std::scoped_lock lock(mutex_);
+    const auto found = subjects_.find(options_.several_subjects ? subject_id : 0);
+    return found != subjects_.end() && found->second.awaits_refit;
+}
+
 std::vector<BodyFitProgress> LiveBodyFit::progress() const {
     const std::scoped_lock lock(mutex_);
     std::vector<BodyFitProgress> all;
@@ -340,15 +385,18 @@ void LiveBodyFit::report(const Ended& ended) {
         for (const BodyFitProgress& each : ended) observers_.on_end(each);
 }
 
-void LiveBodyFit::fit_loop() {
-    lower_this_threads_priority();     // the capture has priority
+void LiveBodyFit::fit_loop(bool preliminary) {
     oneapi::tbb::task_arena alone(1);  // not the pipeline's workers
     while (true) {
         std::unique_lock lock(mutex_);
-        changed_.wait(lock, [&] { return closed_ || !to_fit_.empty(); });
+        auto next = to_fit_.end();
+        changed_.wait(lock, [&] {
+            next = std::ranges::find(to_fit_, preliminary, &ToFit::preliminary);
+            return closed_ || next != to_fit_.end();
+        });
         if (closed_) return;
-        const ToFit job = std::move(to_fit_.front());
-        to_fit_.pop_front();
+        const ToFit job = std::move(*next);
+        to_fit_.erase(next);
         lock.unlock();
         alone.execute([&] { fit(job); });
     }
@@ -389,6 +437,7 @@ void LiveBodyFit::fit(const ToFit& job) {
         } else {
             BodyFitProgress& progress = subject.progress;
             subject.attempts_left = 0;
+            subject.awaits_refit = false;
             progress.state = BodyFitState::kReady;
             progress.progress = 1;
             set_fit(*fitted, progress);
@@ -410,8 +459,10 @@ void LiveBodyFit::fit(const ToFit& job) {
 bool LiveBodyFit::use_preliminary(const ToFit& job, const BodyFit& fit) {
     const std::scoped_lock lock(mutex_);
     if (job.stop.stop_requested()) return false;
-    BodyFitProgress& progress = subjects_.at(job.key).progress;
-    if (progress.fit && may_be_same_person(fit, *progress.fit)) return false;
+    Subject& subject = subjects_.at(job.key);
+    BodyFitProgress& progress = subject.progress;
+    const bool replaced = std::exchange(subject.awaits_refit, false);
+    if (!replaced && progress.fit && may_be_same_person(fit, *progress.fit)) return false;
     set_fit(fit, progress);
     return true;
 }

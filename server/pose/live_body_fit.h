@@ -81,6 +81,13 @@ class LiveBodyFit {
     void observe(std::int64_t time_ns, std::span<const Seen> tracked);
     // The next frame set is of another run, whose ids are of other subjects.
     void capture_ended();
+    // The silhouettes have changed: repeats automatic fits. The bodies in use stay until the next preliminary
+    // ones are there.
+    void refit();
+    // The silhouettes are again those before refit(), and so are the bodies.
+    void undo_refit();
+    // The subject's body is one from before refit(), which is to be replaced.
+    bool awaits_refit(std::uint32_t subject_id) const;
     // Another calibration of the same cameras. Drops collected observations; a running fit continues with the
     // previous calibration. Must not be concurrent with observe().
     void set_cameras(std::vector<Camera> cameras);
@@ -118,6 +125,8 @@ class LiveBodyFit {
         std::stop_source stop;  // of the running fit
         int attempts_left = 0;  // automatic ones
         std::optional<std::int64_t> gone_since_ns;
+        bool awaits_refit = false;  // the next preliminary body replaces even that of the same person
+        std::optional<BodyFitProgress> before_refit;
     };
     using Ended = std::vector<BodyFitProgress>;  // to be passed on without the mutex
 
@@ -136,7 +145,7 @@ class LiveBodyFit {
     bool observe_gone(std::int64_t time_ns, std::span<const Seen> tracked, Ended& ended);
     bool is_reported(std::uint32_t key, const Subject& subject) const;
 
-    void fit_loop();
+    void fit_loop(bool preliminary);
     void fit(const ToFit& job);
     bool use_preliminary(const ToFit& job, const BodyFit& fit);
     void report(const Ended& ended);
@@ -158,7 +167,7 @@ class LiveBodyFit {
     bool closed_ = false, run_ended_ = false;
     std::int64_t last_time_ns_ = 0;
 
-    std::thread worker_;
+    std::thread worker_, preliminary_worker_;
 };
 
 }  // namespace kinevox

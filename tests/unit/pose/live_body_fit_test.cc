@@ -149,6 +149,44 @@ TEST_F(LiveBodyFitTest, PreliminaryBodyReplacesThatOfAnotherPerson) {
     EXPECT_EQ(fit_->progress().front().state, BodyFitState::kCollecting);
 }
 
+TEST_F(LiveBodyFitTest, RepeatsAutomaticFitForOtherSilhouettesAndReturnsToTheFirst) {
+    options_.automatic = true;
+    options_.automatic_duration_s = 2;
+    make();
+    show(2.2);
+    const BodyShape first = wait_for(BodyFitState::kReady).body;
+    fit_->refit();
+    EXPECT_EQ(fit_->body_in_use(1).shape, first) << "until another one is there";
+    EXPECT_TRUE(fit_->awaits_refit(1));
+    scene_.model = std::make_shared<BodyModel>(default_body_shape(1.62));  // may be the same person
+    show(1);
+    const auto is_another = [&] { return fit_->body_in_use(1).shape != first; };
+    EXPECT_TRUE(testing::eventually(is_another, std::chrono::minutes(3)));
+    EXPECT_FALSE(fit_->awaits_refit(1));
+    EXPECT_EQ(fit_->progress().front().state, BodyFitState::kCollecting);
+    fit_->undo_refit();
+    EXPECT_EQ(fit_->body_in_use(1).shape, first);
+    show(3);
+    EXPECT_EQ(fit_->progress().front().state, BodyFitState::kReady) << "it is not fitted again";
+    EXPECT_EQ(fit_->body_in_use(1).shape, first);
+}
+
+TEST_F(LiveBodyFitTest, KeepsRequestedBodyForOtherSilhouettes) {
+    fit_roughly();
+    options_.automatic = true;
+    make();
+    ASSERT_TRUE(fit_->start(0, 1).ok());
+    show(1.2);
+    const BodyShape requested = wait_for(BodyFitState::kReady).body;
+    fit_->refit();
+    EXPECT_FALSE(fit_->awaits_refit(1));
+    show(2);
+    EXPECT_EQ(fit_->body_in_use(1).shape, requested);
+    fit_->undo_refit();
+    EXPECT_EQ(fit_->body_in_use(1).shape, requested);
+    EXPECT_EQ(fit_->progress().front().state, BodyFitState::kReady);
+}
+
 TEST_F(LiveBodyFitTest, FitsTheNextPersonsBodyAndRemembersTheLast) {
     options_.automatic = true;
     options_.automatic_duration_s = 1;
