@@ -96,6 +96,7 @@ void read_pipeline(const TomlTable& table, PipelineConfig& pipeline) {
 void read_segmentation(const TomlTable& table, const std::filesystem::path& folder,
                        SegmentationConfig& segmentation) {
     read_options(table, segmentation.options);
+    read_options(table, segmentation);
     read_optional_path(table, "background_folder", folder, segmentation.background_folder);
     if (segmentation.options.loose_threshold > segmentation.options.sharp_threshold)
         table.fail("loose_threshold",

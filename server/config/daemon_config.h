@@ -108,10 +108,20 @@ void visit_options(T& o, F&& f) {
 
 struct SegmentationConfig {
     kernels::SegmentationOptions options;
+    bool auto_judge_faint = true;
     // Stores the background of live cameras, absolute; empty: off; not given: in the state folder.
     std::optional<std::filesystem::path> background_folder;
     bool operator==(const SegmentationConfig&) const = default;
 };
+
+template <typename T, typename F>
+requires kernels::SameOptions<T, SegmentationConfig>
+void visit_options(T& o, F&& f) {
+    f({"auto_judge_faint", 0, 1, "",
+       "Without judge_faint: try it live where the posed body does not fit the silhouettes, keep it where it "
+       "helps."},
+      o.auto_judge_faint);
+}
 
 struct PoseConfig {
     bool enabled = true;

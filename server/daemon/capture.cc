@@ -31,8 +31,9 @@ Capture::Capture(const DaemonConfig& given)
     : config(given),
       background(background_folder(config), [](const std::string& message) { spdlog::info("{}", message); }),
       quality({.several_subjects = config.tracking.several_subjects(),
-               .subjects_selected = config.tracking.rules != SubjectRules{},
-               .judge_faint = config.segmentation.options.judge_faint}) {}
+               .subjects_selected = config.tracking.rules != SubjectRules{}}) {
+    quality.set_judge_faint(config.segmentation.options.judge_faint);
+}
 
 absl::StatusOr<std::unique_ptr<Capture>> Capture::create(const DaemonConfig& config,
                                                          const MakeGpu& make_gpu) {
@@ -66,6 +67,8 @@ absl::Status Capture::open(const MakeGpu& make_gpu) {
     }
     runner = std::make_unique<Runner>(
         std::move(*source), [this] { return open_frame_source(); }, std::move(*pipeline), hub);
+    if (pose_stage && config.segmentation.auto_judge_faint && !options.segmentation.judge_faint)
+        faint.emplace();
     if (pose_stage)
         body_fit =
             make_body_fit(config.pose, *runner, options, poses ? &*poses : nullptr, hub.events(), body_watch);
@@ -120,6 +123,38 @@ void Capture::observe(const FrameResult& result) {
     quality.observe(result, body_of);
     recorder->observe(result, body_of);
     if (body_fit) fit_bodies(result);
+    if (faint) choose_segmentation(result);
+}
+
+// Clothes in the background's colours; `kinevox process` processes such sessions twice.
+void Capture::choose_segmentation(const FrameResult& result) {
+    std::vector<double> residuals_m;
+    for (const SubjectResult& subject : result.subjects) {
+        if (!subject.pose) continue;
+        const std::uint32_t id = subject.track.subject_id;
+        if (body_fit->body_in_use(id).std_m == 0 && !body_fit->awaits_refit(id))
+            residuals_m.push_back(subject.pose->contour_residual_rms_m);
+    }
+    const auto report = quality.report();
+    // A given body may be another person's, which only the report shows.
+    const bool explained = report ? !quality::may_lack_parts(report->causes) : !config.pose.body_file.empty();
+    using Change = quality::FaintSwitch::Change;
+    const Change change = faint->update(result.capture_time_ns, residuals_m, explained);
+    if (change == Change::kNone) return;
+    const auto mm = [](double m) { return 1000 * m; };
+    if (change == Change::kTry)
+        spdlog::info(
+            "silhouettes may lack parts of the subject (contour residual {:.1f} mm): trying "
+            "segmentation.judge_faint",
+            mm(faint->residual_before_m()));
+    else
+        spdlog::info("segmentation.judge_faint is {}: contour residual {:.1f} mm, {:.1f} mm without it",
+                     change == Change::kKeep ? "kept" : "off again", mm(faint->residual_after_m()),
+                     mm(faint->residual_before_m()));
+    if (change == Change::kKeep) return;
+    live_pipeline->set_judge_faint(faint->judges_faint());
+    quality.set_judge_faint(faint->judges_faint());
+    change == Change::kTry ? body_fit->refit() : body_fit->undo_refit();
 }
 
 const BodyShape* Capture::body_of(std::uint32_t subject_id) const {

@@ -25,6 +25,7 @@
 #include "server/pipeline/stream_hub.h"
 #include "server/pose/database/database_service.h"
 #include "server/pose/live_body_fit.h"
+#include "server/quality/faint_switch.h"
 #include "server/quality/live_quality.h"
 #include "server/recording/recorder.h"
 
@@ -51,6 +52,7 @@ struct Capture {
     std::unique_ptr<LiveBodyFit> body_fit;  // null if no poses are measured
     CaptureStatistics statistics;
     quality::LiveQuality quality;
+    std::optional<quality::FaintSwitch> faint;  // empty: the segmentation does not change
     std::unique_ptr<CameraWatch> camera_watch;
     std::unique_ptr<CalibrationStore> calibrations;
     std::unique_ptr<ActiveCalibration> active_calibration;
@@ -75,6 +77,7 @@ struct Capture {
     void observe(const FrameResult& result);
     const BodyShape* body_of(std::uint32_t subject_id) const;
     void fit_bodies(const FrameResult& result);
+    void choose_segmentation(const FrameResult& result);
     void restore_calibration();
     void build_pose_database(const std::vector<Camera>& cameras);
 

@@ -44,6 +44,14 @@ void LiveQuality::set_cameras(std::vector<Camera> cameras) {
     report_.reset();
 }
 
+void LiveQuality::set_judge_faint(bool judge) {
+    const std::scoped_lock lock(mutex_);
+    if (std::exchange(judge_faint_, judge) == judge) return;
+    restart_ = true;
+    next_.reset();
+    report_.reset();
+}
+
 void LiveQuality::observe(const FrameResult& result, const BodyOf& body_of) {
     {
         const std::scoped_lock lock(mutex_);
@@ -73,6 +81,8 @@ std::optional<QualityReport> LiveQuality::report() const {
 void LiveQuality::work() {
     for (;;) {
         std::unique_ptr<Observed> one;
+        ObserverOptions options{
+            .max_side_px = options_.max_side_px, .max_samples = options_.samples, .latest = true};
         {
             std::unique_lock lock(mutex_);
             changed_.wait(lock, [&] { return closing_ || next_; });
@@ -83,12 +93,8 @@ void LiveQuality::work() {
                 subjects_.clear();
                 since_judged_ = 0;
             }
-            if (!observer_)
-                observer_ = std::make_unique<Observer>(cameras_, *background_,
-                                                       ObserverOptions{.max_side_px = options_.max_side_px,
-                                                                       .max_samples = options_.samples,
-                                                                       .latest = true,
-                                                                       .judge_faint = options_.judge_faint});
+            options.judge_faint = judge_faint_;
+            if (!observer_) observer_ = std::make_unique<Observer>(cameras_, *background_, options);
         }
         judge_one(std::move(one));
     }

@@ -27,7 +27,6 @@ struct LiveQualityOptions {
     int max_side_px = 480;                                                      // of the reduced images
     bool several_subjects = false;   // are followed; otherwise all tracked ones are one person
     bool subjects_selected = false;  // by rules that exclude other people
-    bool judge_faint = false;        // of the segmentation
 };
 
 // set_background(), observe() and report() by any thread; none blocks.
@@ -41,6 +40,8 @@ class LiveQuality {
                         std::shared_ptr<const std::vector<std::vector<Image>>> background);
     // Begins again with the same background.
     void set_cameras(std::vector<Camera> cameras);
+    // As the segmentation's option. Begins again.
+    void set_judge_faint(bool judge);
     // Each result, and the bodies it was measured with.
     void observe(const FrameResult& result, const BodyOf& body_of);
     // Empty until enough was observed, and while nothing moves in the scene.
@@ -63,7 +64,7 @@ class LiveQuality {
     const LiveQualityOptions options_;
     mutable std::mutex mutex_;  // guards the members down to the blank line
     std::condition_variable changed_;
-    bool closing_ = false, restart_ = false;
+    bool closing_ = false, restart_ = false, judge_faint_ = false;
     std::vector<Camera> cameras_;
     std::shared_ptr<const std::vector<std::vector<Image>>> background_;
     std::unique_ptr<Observed> next_;

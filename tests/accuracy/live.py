@@ -1,15 +1,15 @@
 #!/usr/bin/env python3
 """The daemon's live path against ground truth, every result: joints, silent errors and stated standard deviations.
 
-usage: live.py [--sequences NAME,...] [--body fitted|default|automatic] [--pacing as_fast_as_possible|real_time] [--spans S,...]
-               [--option LINE] [--daemon PROGRAM] [--client PROGRAM] [--process PROGRAM] [--work FOLDER] [--max-ratio N]
-               [--max-silent N]
+usage: live.py [--sequences NAME,... | --scene NAME] [--body fitted|default|automatic] [--pacing as_fast_as_possible|real_time]
+               [--spans S,...] [--option LINE] [--daemon PROGRAM] [--client PROGRAM] [--process PROGRAM] [--studio PROGRAM]
+               [--work FOLDER] [--max-ratio N] [--max-silent N]
 
 The daemon captures each sequence as fast as it can and records its poses, which are causal; `kinevox process` reads the same
 session. Columns as in rates.py, "x" is the error over that of `process`. --body: fitted as `kinevox process` found it, the
 default of an average adult, or fitted by the daemon to its first seconds, which takes time: use --pacing real_time.
---spans 2,5: further rows for the time before 2 s, from there to 5 s, and after. Exit status 77 without the shared test
-data."""
+--spans 2,5: further rows for the time before 2 s, from there to 5 s, and after. --scene renders scenes/NAME.toml and captures
+that instead. Exit status 77 without the shared test data."""
 import argparse
 import shutil
 import subprocess
@@ -28,9 +28,18 @@ from recording_daemon import Daemon, add_arguments, frames_of  # noqa: E402
 RECORDING = "max_queue_mb = 2000\nmin_free_disk_mb = 0\n"  # no frame set is dropped on machines that encode slowly
 
 
-def capture(arguments, name, folder, body, out):
-    """Copies the recorded poses of one capture to `out`; returns the sequence's frame set with which they begin."""
-    arguments.sequence = name
+def rendered(arguments, work):
+    """The folder of the scene's session."""
+    folder = work / arguments.scene / "session"
+    if not (folder / "session.toml").exists():
+        scene = Path(__file__).parent / "scenes" / f"{arguments.scene}.toml"
+        subprocess.run([arguments.studio, "--scene", scene, "--out", folder], check=True, stdout=subprocess.DEVNULL)
+    return folder
+
+
+def capture(arguments, name, sequence, folder, body, out):
+    """Copies the recorded poses of one capture to `out`; returns the sequence's frame of each of theirs."""
+    arguments.sequence = sequence.resolve()
     pose = f'auto_fit_body = {str(arguments.body == "automatic").lower()}\n'
     pose += "".join(f"{line}\n" for line in arguments.option)
     if body:
@@ -44,13 +53,13 @@ def capture(arguments, name, folder, body, out):
         if dropped and arguments.pacing != "real_time":
             raise SystemExit(f"{name}: frame sets were dropped; run again on a machine with less load")
         shutil.copytree(daemon.recordings / name / "poses", out, dirs_exist_ok=True)
-        return frames_of(daemon.recordings / name)[0][1]
+        return np.array([sequence for _, sequence, *_ in frames_of(daemon.recordings / name)])
     finally:
         daemon.stop()
 
 
 def one(arguments, name, work):
-    folder = data_folder() / "studio" / name
+    folder = rendered(arguments, work) if arguments.scene else data_folder() / "studio" / name
     session, processed = folder / "session.toml", work / name / "processed"
     if not (processed / "run.toml").exists():
         subprocess.run([arguments.process, session, "--out", processed, "--quiet", "--overwrite"], check=True)
@@ -58,12 +67,12 @@ def one(arguments, name, work):
     offline = measure(folder / "truth", fps, processed)
     with tempfile.TemporaryDirectory() as scratch:
         body = processed / "body.toml" if arguments.body == "fitted" else None
-        first = capture(arguments, name, Path(scratch), body, work / name / "live")
+        sequence_frames = capture(arguments, name, folder, Path(scratch), body, work / name / "live")
     limits = [0, *arguments.spans, np.inf]
     parts = list(zip(limits, limits[1:])) if arguments.spans else []
     rows = []
     for span in [(0, np.inf), *parts]:
-        row = measure(folder / "truth", fps, work / name / "live", span, first)
+        row = measure(folder / "truth", fps, work / name / "live", span, sequence_frames)
         row["ratio"] = row["mean_mm"] / offline["mean_mm"]
         row["span"] = span
         rows.append(row)
@@ -74,6 +83,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_arguments(parser)
     parser.add_argument("--sequences", default=",".join(SEQUENCES))
+    parser.add_argument("--scene")
+    parser.add_argument("--studio", type=Path, default=REPOSITORY / "build/release/server/tools/kinevox-studio")
     parser.add_argument("--body", choices=("fitted", "default", "automatic"), default="fitted")
     parser.add_argument("--pacing", choices=("as_fast_as_possible", "real_time"), default="as_fast_as_possible")
     parser.add_argument("--spans", type=lambda text: [float(s) for s in text.split(",")], default=[])
@@ -82,7 +93,7 @@ def main():
     parser.add_argument("--max-ratio", type=float, default=np.inf)
     parser.add_argument("--max-silent", type=float, default=np.inf)
     arguments = parser.parse_args()
-    if not (data_folder() / "studio").is_dir():
+    if not arguments.scene and not (data_folder() / "studio").is_dir():
         print(f"skipped: no test data at {data_folder()}")
         return 77
     failed = []
@@ -90,7 +101,7 @@ def main():
         work = arguments.work or Path(scratch)
         print(heading(), flush=True)
         rows = []
-        for name in arguments.sequences.split(","):
+        for name in [arguments.scene] if arguments.scene else arguments.sequences.split(","):
             row, *spans = one(arguments, name, work)
             print(text(name, 1, row, None), flush=True)
             for span in spans:

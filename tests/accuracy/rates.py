@@ -57,11 +57,14 @@ def body_errors(truth, body_file):
     return 100 * (body["stature_m"] / (STATURE_PER_CHAIN * chain) - 1), lengths
 
 
-def measure(truth_folder, fps, results, span_s=(0, np.inf), first=0):
-    """The row of one run that begins with the sequence's frame set `first`; `span_s` limits the frame sets by their time."""
+def measure(truth_folder, fps, results, span_s=(0, np.inf), sequence_frames=None):
+    """The row of one run; `span_s` limits the frame sets by their time. `sequence_frames`: for each frame of the tables that of
+    the sequence, where frame sets were lost; else it follows from its time."""
     truth = read_table(truth_folder / "joints.csv")
     found, stated = read_table(results / "joints.csv"), read_table(results / "uncertainty.csv")
-    frames = first + np.rint(found["time_s"] * fps).astype(int)
+    frames = np.rint(found["time_s"] * fps).astype(int)
+    if sequence_frames is not None:
+        frames = sequence_frames[found["frame"].astype(int)]
     rows = (frames < len(truth["frame"])) & (frames >= span_s[0] * fps) & (frames < span_s[1] * fps)
     exact, measured = points(truth, JOINTS)[frames[rows]], points(found, JOINTS)[rows]
     std = np.stack([stated[f"{j}_std_m"] for j in JOINTS], 1)[rows]

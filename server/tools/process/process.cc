@@ -24,6 +24,7 @@
 #include "server/cameras/session_source.h"
 #include "server/pose/body_fitter.h"
 #include "server/pose/pose_stage.h"
+#include "server/quality/faint_switch.h"
 #include "server/tools/process/quality_pass.h"
 #include "server/tools/process/run_report.h"
 
@@ -94,10 +95,6 @@ absl::StatusOr<SessionBody> fit_to_session(const std::filesystem::path& session_
     return SessionBody{std::nullopt, std::move(why)};
 }
 
-// Silhouettes whose parts are all there fit the posed body better: eight shared sequences and nine trials of
-// the sweep with complete silhouettes are at 6 to 14 mm, six trials with missing limbs at 17 to 31.
-constexpr double kMaxResidual_m = 0.016;
-
 // The body of the subject in a T-pose session. None, after a warning, if too few poses were found: then the
 // body is fitted to the trial's movement.
 absl::StatusOr<std::optional<BodyShape>> body_of_session(const std::filesystem::path& session_file,
@@ -108,10 +105,10 @@ absl::StatusOr<std::optional<BodyShape>> body_of_session(const std::filesystem::
     const auto residual_m = [](const SessionBody& one) {
         return one.fit ? one.fit->contour_residual_rms_m : std::numeric_limits<double>::infinity();
     };
-    if (may_run_again(options) && residual_m(*body) > kMaxResidual_m) {
+    if (may_run_again(options) && residual_m(*body) > quality::kMaxContourResidual_m) {
         auto again = fit_to_session(session_file, with_faint(options), stop);
         if (!again.ok()) return again.status();
-        if (residual_m(*again) < kMaxResidual_m) body = std::move(again);
+        if (residual_m(*again) < quality::kMaxContourResidual_m) body = std::move(again);
     }
     if (body->fit) return body->fit->shape;
     fmt::print(stderr, "kinevox process: {}; the body is fitted to the movement instead\n", body->why);
@@ -271,12 +268,8 @@ absl::StatusOr<Run> SessionRuns::run(const ProcessOptions& options) {
 // Whether the silhouettes may lack parts of a subject: the posed bodies do not fit them, and nothing else
 // explains that.
 bool may_lack_parts(const Run& run) {
-    static constexpr std::string_view kMissingParts[] = {"silhouettes", "withheld", "background_occupied",
-                                                         "still_object"};
-    const auto& causes = run.quality.causes;
-    return run.poses.contour_residual_m.value_or(0) > kMaxResidual_m &&
-           (causes.empty() ||
-            std::ranges::find(kMissingParts, causes.front().cause) != std::end(kMissingParts));
+    return run.poses.contour_residual_m.value_or(0) > quality::kMaxContourResidual_m &&
+           quality::may_lack_parts(run.quality.causes);
 }
 
 // Shadows taken for the subject fit no body either, so the residual decides between the two rules.
