@@ -92,6 +92,7 @@ void MainWindow::take_event(int kind, const QString& message, qint64 time_ns, qu
             commands_->list_recordings();
             [[fallthrough]];
         case v1::EVENT_KIND_CAMERA_RECONNECTED:
+        case v1::EVENT_KIND_SEGMENTATION_CHANGED:
             show_message(message, true);
             break;
         case v1::EVENT_KIND_RECORDING_FAILED:

@@ -1,5 +1,6 @@
 #include "server/daemon/capture.h"
 
+#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -142,15 +143,15 @@ void Capture::choose_segmentation(const FrameResult& result) {
     const Change change = faint->update(result.capture_time_ns, residuals_m, explained);
     if (change == Change::kNone) return;
     const auto mm = [](double m) { return 1000 * m; };
-    if (change == Change::kTry)
-        spdlog::info(
-            "silhouettes may lack parts of the subject (contour residual {:.1f} mm): trying "
-            "segmentation.judge_faint",
-            mm(faint->residual_before_m()));
-    else
-        spdlog::info("segmentation.judge_faint is {}: contour residual {:.1f} mm, {:.1f} mm without it",
-                     change == Change::kKeep ? "kept" : "off again", mm(faint->residual_after_m()),
-                     mm(faint->residual_before_m()));
+    hub.events().publish(
+        EventKind::kSegmentationChanged,
+        change == Change::kTry
+            ? fmt::format("silhouettes may lack parts of the subject (contour residual {:.0f} mm): trying "
+                          "segmentation.judge_faint",
+                          mm(faint->residual_before_m()))
+            : fmt::format("segmentation.judge_faint is {}: contour residual {:.0f} mm, {:.0f} mm without it",
+                          change == Change::kKeep ? "kept" : "off again", mm(faint->residual_after_m()),
+                          mm(faint->residual_before_m())));
     if (change == Change::kKeep) return;
     live_pipeline->set_judge_faint(faint->judges_faint());
     quality.set_judge_faint(faint->judges_faint());

@@ -35,8 +35,9 @@ enum class EventKind : std::uint8_t {
     kRecordingFramesDropped,  // frame sets arrive faster than they are written
     kReplayOpened,
     kReplayClosed,
-    kClockStepped,  // the system clock was set while capturing
-    kGpuFailed,     // the CPU computes from now on
+    kClockStepped,         // the system clock was set while capturing
+    kGpuFailed,            // the CPU computes from now on
+    kSegmentationChanged,  // by itself: silhouettes lacked parts of the subject
     kError,
 };
 
@@ -79,6 +80,7 @@ inline constexpr std::array kEventKinds{
     EventKindInfo{EventKind::kReplayClosed, "replay_closed", EventLevel::kInfo},
     EventKindInfo{EventKind::kClockStepped, "clock_stepped", EventLevel::kError},
     EventKindInfo{EventKind::kGpuFailed, "gpu_failed", EventLevel::kError},
+    EventKindInfo{EventKind::kSegmentationChanged, "segmentation_changed", EventLevel::kInfo},
     EventKindInfo{EventKind::kError, "error", EventLevel::kError},
 };
 
