@@ -31,22 +31,21 @@ void LiveQuality::set_background(std::vector<Camera> cameras,
     const std::scoped_lock lock(mutex_);
     cameras_ = std::move(cameras);
     background_ = std::move(background);
-    restart_ = true;
-    next_.reset();
-    report_.reset();
+    begin_again();
 }
 
 void LiveQuality::set_cameras(std::vector<Camera> cameras) {
     const std::scoped_lock lock(mutex_);
     cameras_ = std::move(cameras);
-    restart_ = true;
-    next_.reset();
-    report_.reset();
+    begin_again();
 }
 
 void LiveQuality::set_judge_faint(bool judge) {
     const std::scoped_lock lock(mutex_);
-    if (std::exchange(judge_faint_, judge) == judge) return;
+    if (std::exchange(judge_faint_, judge) != judge) begin_again();
+}
+
+void LiveQuality::begin_again() {
     restart_ = true;
     next_.reset();
     report_.reset();
@@ -81,8 +80,6 @@ std::optional<QualityReport> LiveQuality::report() const {
 void LiveQuality::work() {
     for (;;) {
         std::unique_ptr<Observed> one;
-        ObserverOptions options{
-            .max_side_px = options_.max_side_px, .max_samples = options_.samples, .latest = true};
         {
             std::unique_lock lock(mutex_);
             changed_.wait(lock, [&] { return closing_ || next_; });
@@ -93,8 +90,10 @@ void LiveQuality::work() {
                 subjects_.clear();
                 since_judged_ = 0;
             }
-            options.judge_faint = judge_faint_;
-            if (!observer_) observer_ = std::make_unique<Observer>(cameras_, *background_, options);
+            if (!observer_)
+                observer_ = std::make_unique<Observer>(
+                    cameras_, *background_,
+                    ObserverOptions{options_.max_side_px, options_.samples, true, judge_faint_});
         }
         judge_one(std::move(one));
     }

@@ -56,6 +56,7 @@ class LiveQuality {
         std::deque<PosedFrame> poses;  // of the samples held
         std::optional<BodyShape> body;
     };
+    void begin_again();  // with the mutex held
     void work();
     void judge_one(std::unique_ptr<Observed> one);
     void add_poses(const Observed& one);

@@ -50,8 +50,6 @@ TEST(StaticScene, MeasuresRotationOfTheBumpedCameraOnly) {
             const auto masks = studio->masks(frame);
             for (std::size_t c = 0; c < 4; ++c) {
                 const auto shift = scenes[c].measure(images[c], box_of(masks[c], 320));
-                if (shift && !(c != row.camera || frame < kBump_s * kFps))
-                    std::printf("rot %.2f ex %.2f\n", shift->rotation_deg, shift->explained);
                 if (shift && (c != row.camera || frame < kBump_s * kFps)) {
                     EXPECT_LT(shift->rotation_deg, 0.06) << c << " " << frame;
                 }
