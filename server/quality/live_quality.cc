@@ -80,21 +80,27 @@ std::optional<QualityReport> LiveQuality::report() const {
 void LiveQuality::work() {
     for (;;) {
         std::unique_ptr<Observed> one;
+        bool restart = false;
+        std::vector<Camera> cameras;
+        std::shared_ptr<const std::vector<std::vector<Image>>> background;
+        ObserverOptions observing{options_.max_side_px, options_.samples, true, false};
         {
             std::unique_lock lock(mutex_);
             changed_.wait(lock, [&] { return closing_ || next_; });
             if (closing_) return;
             one = std::move(next_);
-            if (std::exchange(restart_, false)) {
-                observer_.reset();
-                subjects_.clear();
-                since_judged_ = 0;
-            }
-            if (!observer_)
-                observer_ = std::make_unique<Observer>(
-                    cameras_, *background_,
-                    ObserverOptions{options_.max_side_px, options_.samples, true, judge_faint_});
+            restart = std::exchange(restart_, false);
+            cameras = cameras_;
+            background = background_;
+            observing.judge_faint = judge_faint_;
         }
+        if (restart) {
+            observer_.reset();
+            subjects_.clear();
+            since_judged_ = 0;
+        }
+        // It learns the background; with the mutex held, observe() would wait for it.
+        if (!observer_) observer_ = std::make_unique<Observer>(cameras, *background, observing);
         judge_one(std::move(one));
     }
 }

@@ -15,17 +15,19 @@ using std::chrono::steady_clock;
 constexpr int kWidth = 64, kHeight = 48;
 
 // A grey wall; `occupied`: with a blue box before it.
-Image image_of(bool occupied) {
-    std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[3 * kWidth * kHeight]);
+Image image_of(bool occupied, int scale = 1) {
+    const int width = scale * kWidth, height = scale * kHeight;
+    std::shared_ptr<std::uint8_t[]> data(new std::uint8_t[3 * width * height]);
     std::size_t k = 0;
-    for (int y = 0; y < kHeight; ++y)
-        for (int x = 0; x < kWidth; ++x)
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x)
             for (int channel = 0; channel < 3; ++channel, ++k) {
-                const bool box = occupied && x >= 20 && x < 44 && y >= 8 && y < 40;
+                const bool box =
+                    occupied && x >= 20 * scale && x < 44 * scale && y >= 8 * scale && y < 40 * scale;
                 const int level = !box ? 100 : channel == 0 ? 230 : 20;
                 data[k] = static_cast<std::uint8_t>(level + k * 7919 % 5);
             }
-    return {kWidth, kHeight, 3, std::move(data)};
+    return {width, height, 3, std::move(data)};
 }
 
 Camera camera_at(const char* name, double x) {
@@ -73,6 +75,30 @@ TEST(LiveQuality, JudgesTheLatestSamples) {
         std::ranges::any_of(report->causes, [](const Cause& cause) { return cause.cause == "no_subject"; }));
     quality.set_cameras({camera_at("left", -1), camera_at("right", 1)});
     EXPECT_FALSE(quality.report()) << "of the former cameras";
+}
+
+TEST(LiveQuality, ObservesWithoutWaitingForTheBackgroundToBeLearned) {
+    using Background = std::vector<std::vector<Image>>;
+    constexpr int kScale = 10;
+    const Background background(2, std::vector<Image>(60, image_of(false, kScale)));
+    std::vector<Camera> cameras{camera_at("left", -1), camera_at("right", 1)};
+    for (Camera& camera : cameras) {
+        camera.width *= kScale, camera.height *= kScale;
+        camera.fx *= kScale, camera.fy *= kScale, camera.cx *= kScale, camera.cy *= kScale;
+    }
+    const auto begun = steady_clock::now();
+    const Observer learned(cameras, background, {});
+    const auto learning = steady_clock::now() - begun;
+    LiveQuality quality({.samples = 4, .judge_after = 4});
+    quality.set_background(cameras, std::make_shared<const Background>(background));
+    FrameResult result = result_at(1);
+    result.frame_set.images.assign(2, image_of(true, kScale));
+    quality.observe(result, no_body);
+    std::this_thread::sleep_for(learning / 8);  // the thread has begun to learn
+    const auto observed = steady_clock::now();
+    result.capture_time_ns *= 2;
+    quality.observe(result, no_body);
+    EXPECT_LT(steady_clock::now() - observed, learning / 4);
 }
 
 TEST(LiveQuality, JudgesTheWorstOfSeveralSubjects) {
