@@ -20,6 +20,7 @@ constexpr double kRaysGained = 1.5;  // minimum number of additionally explained
 // A coarse configuration of a pair is compared with a fitted one, so it may be worse by this many rays before
 // it is fitted.
 constexpr double kPairSlack = 2;
+constexpr double kUnlimited = std::numeric_limits<double>::infinity();
 
 // Evenly over the sphere (a Fibonacci lattice).
 Vec3 direction(int k) {
@@ -82,15 +83,12 @@ void LimbSearch::thin_out(std::span<const SilhouetteRays> views) {
     }
 }
 
+// The cheap terms first: most configurations of a limb leave the silhouettes.
 double LimbSearch::cost(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules,
-                        double robust_m) {
+                        double robust_m, double limit) {
     double sum = 0;
-    for (std::size_t c = 0; c < views.size(); ++c) {
-        const SilhouetteRays& view = views[c];
+    for (const SilhouetteRays& view : views) {
         if (!view.camera) continue;
-        nearest_capsules(rays_[c], capsules, distance_, which_);
-        for (std::size_t i = 0; i < distance_.size(); ++i)
-            sum += kernel(std::min(distance_[i], rest_distance_[c][i]), robust_m);
         for (const BodyCapsule& capsule : capsules)
             for (const double along : {0.2, 0.8}) {
                 const Vec3 a{capsule.a[0], capsule.a[1], capsule.a[2]},
@@ -101,6 +99,14 @@ double LimbSearch::cost(std::span<const SilhouetteRays> views, std::span<const B
                 const double out = (1 - along) * capsule.radius_a + along * capsule.radius_b - *inside_m;
                 if (out > 0) sum += kernel(out, robust_m);
             }
+        if (sum >= limit) return sum;
+    }
+    for (std::size_t c = 0; c < views.size(); ++c) {
+        if (!views[c].camera) continue;
+        nearest_capsules(rays_[c], capsules, distance_, which_);
+        for (std::size_t i = 0; i < distance_.size(); ++i)
+            sum += kernel(std::min(distance_[i], rest_distance_[c][i]), robust_m);
+        if (sum >= limit) return sum;
     }
     return sum;
 }
@@ -143,7 +149,7 @@ std::optional<BodyPosture> LimbSearch::cheapest(const BodyModel& model, const Bo
             const double twist = 2 * std::numbers::pi * (limb.arm ? t : t - (twists - 1) / 2.0) / of;
             trial.parent_from_segment[limb.upper] = towards(u, twist);
             split(model, trial, {&which, 1}, nullptr);
-            const double there = cost(views, capsules_, robust_m);
+            const double there = cost(views, capsules_, robust_m, best);
             if (there >= best) continue;
             best = there;
             found = trial;
@@ -172,7 +178,7 @@ std::optional<BodyPosture> LimbSearch::improve(const BodyModel& model, const Bod
     split(model, posture, {&which, 1}, &rest);
     thin_out(views);
     set_rest(views, rest);
-    double best = cost(views, capsules_, robust_m) - kRaysGained * robust_m * robust_m;
+    double best = cost(views, capsules_, robust_m, kUnlimited) - kRaysGained * robust_m * robust_m;
     return cheapest(model, posture, views, which, scope, robust_m, best);
 }
 
@@ -184,8 +190,8 @@ std::optional<BodyPosture> LimbSearch::improve_pair(const BodyModel& model, cons
     split(model, posture, both, &rest);
     thin_out(views);
     set_rest(views, rest);
-    const double now = cost(views, capsules_, robust_m);
-    double best = std::numeric_limits<double>::infinity();
+    const double now = cost(views, capsules_, robust_m, kUnlimited);
+    double best = kUnlimited;
     const auto one = cheapest(model, posture, views, first, LimbSearchScope::kWhole, robust_m, best);
     if (!one) return std::nullopt;
     split(model, *one, {&second, 1}, &rest);

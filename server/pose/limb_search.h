@@ -46,8 +46,9 @@ class LimbSearch {
     std::optional<BodyPosture> cheapest(const BodyModel& model, const BodyPosture& posture,
                                         std::span<const SilhouetteRays> views, Limb which,
                                         LimbSearchScope scope, double robust_m, double& best);
-    double cost(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules,
-                double robust_m);
+    // Incomplete, but at least `limit`, where it exceeds that.
+    double cost(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules, double robust_m,
+                double limit);
     void thin_out(std::span<const SilhouetteRays> views);
 
     std::vector<ContourRays> rays_;                  // per camera, a subset of its rays

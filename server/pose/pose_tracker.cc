@@ -9,6 +9,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <numeric>
 #include <utility>
 
 #include "server/pose/key_poses.h"
@@ -22,6 +23,7 @@ constexpr double kMinReferenceInterval_s = 1.0 / 31, kMaxReferenceInterval_s = 1
 constexpr double kRateMemory = 0.6, kCostMemory = 0.85, kUsualMemory = 0.997;
 constexpr double kPredictionDamping = 0.9;
 constexpr double kPoorer = 0.03;
+constexpr double kUnusualGap = 2.5, kIntervalMemory = 0.9;  // of the usual interval
 constexpr double kBetter = 2,
                  kClearlyBetter =
                      12;  // minimum decrease of the cost by a limb search; 2 is about two contour rays
@@ -31,6 +33,11 @@ constexpr std::array<std::pair<Limb, Limb>, 4> kLimbPairs{{{Limb::kArmL, Limb::k
                                                            {Limb::kLegL, Limb::kLegR},
                                                            {Limb::kArmR, Limb::kArmL},
                                                            {Limb::kLegR, Limb::kLegL}}};
+// An arm may have taken the place of a raised leg.
+constexpr std::array<std::pair<Limb, Limb>, 4> kArmsAndLegs{{{Limb::kLegL, Limb::kArmL},
+                                                             {Limb::kLegR, Limb::kArmR},
+                                                             {Limb::kLegL, Limb::kArmR},
+                                                             {Limb::kLegR, Limb::kArmL}}};
 constexpr double kPairIntervals = 7, kFrequentPairIntervals = 3;  // reference intervals
 constexpr double kPairSeconds = 1;
 // The body that faces the other way is fitted, too, at these intervals. Its decrease of the cost is summed,
@@ -41,6 +48,7 @@ constexpr double kMirroredSlack = 10;
 constexpr double kSame_m = 0.06;  // hypotheses with a smaller mean joint distance are merged
 
 constexpr std::size_t kStartCount = 3;  // of try_other_starts()
+constexpr std::size_t kWorkspaces = kStartCount + 1;
 
 // A weight per reference interval as the weight over `seconds`.
 double kept(double per_reference_interval, double seconds) {
@@ -75,27 +83,31 @@ std::string PoseTrackerOptions::check() const {
 }
 
 PoseTracker::PoseTracker(double fps, const PoseTrackerOptions& options)
-    : fps_(fps),
-      options_(options),
-      model_(std::make_shared<BodyModel>(default_body_shape())),
-      fitter_(options.fit),
-      start_fitters_(kStartCount + 1, fitter_) {}
+    : fps_(fps), options_(options), model_(std::make_shared<BodyModel>(default_body_shape())) {
+    workspaces_.reserve(kWorkspaces);
+    for (std::size_t k = 0; k < kWorkspaces; ++k) workspaces_.emplace_back(options.fit);
+}
 
 void PoseTracker::set_standing(double standing_m) {
-    fitter_.set_standing(standing_m);
-    for (PoseFitter& fitter : start_fitters_) fitter.set_standing(standing_m);
+    for (Workspace& work : workspaces_) work.fitter.set_standing(standing_m);
+}
+
+// `body` of 0 to count - 1, each with a workspace that no other uses meanwhile.
+template <typename F>
+void PoseTracker::in_parallel(std::size_t count, const F& body) {
+    oneapi::tbb::parallel_for(
+        std::size_t{0}, std::min(count, workspaces_.size()),
+        [&](std::size_t w) {
+            for (std::size_t n = w; n < count; n += workspaces_.size()) body(workspaces_[w], n);
+        },
+        oneapi::tbb::simple_partitioner());
 }
 
 void PoseTracker::begin(std::span<const SilhouetteRays> views, Vec3 centre,
                         std::span<const PoseCandidate> candidates) {
-    struct Start {
-        double cost;
-        BodyPosture posture;
-    };
-    std::vector<Start> starts;
+    std::vector<BodyPosture> postures;
     const auto add = [&](const BodyCoordinates& q) {
-        const BodyPosture posture = posture_from_coordinates(centred(*model_, q, centre));
-        starts.push_back({fitter_.cost_of(*model_, views, posture), posture});
+        postures.push_back(posture_from_coordinates(centred(*model_, q, centre)));
     };
     for (const PoseCandidate& candidate : candidates) add(candidate.coordinates);
     std::vector<BodyCoordinates> poses = key_poses();
@@ -104,81 +116,92 @@ void PoseTracker::begin(std::span<const SilhouetteRays> views, Vec3 centre,
     for (const BodyCoordinates& pose : poses)
         for (int h = 0; h < options_.headings; ++h)
             add(with_heading(pose, 2 * std::numbers::pi * h / options_.headings));
-    std::stable_sort(starts.begin(), starts.end(),
-                     [](const Start& a, const Start& b) { return a.cost < b.cost; });
-    if (starts.size() > static_cast<std::size_t>(options_.starts)) starts.resize(options_.starts);
-    hypotheses_.clear();
-    for (const Start& start : starts) {
-        Hypothesis h;
-        h.fit = fitter_.fit(*model_, views, start.posture, nullptr, true);
-        h.fit = fitter_.fit(*model_, views, h.fit.posture, nullptr, true);
+    std::vector<double> costs(postures.size());
+    in_parallel(costs.size(), [&](Workspace& work, std::size_t n) {
+        costs[n] = work.fitter.cost_of(*model_, views, postures[n]);
+    });
+    std::vector<std::size_t> order(costs.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::size_t a, std::size_t b) { return costs[a] < costs[b]; });
+    order.resize(std::min(order.size(), static_cast<std::size_t>(options_.starts)));
+    hypotheses_.assign(order.size(), Hypothesis());
+    in_parallel(order.size(), [&](Workspace& work, std::size_t n) {
+        Hypothesis& h = hypotheses_[n];
+        h.fit = work.fitter.fit(*model_, views, postures[order[n]], nullptr, true);
+        h.fit = work.fitter.fit(*model_, views, h.fit.posture, nullptr, true);
         h.posture = h.fit.posture;
         h.cost = h.fit.at.cost;
-        hypotheses_.push_back(std::move(h));
-    }
+    });
     choose();
-    for (Hypothesis& h : hypotheses_) {
+    in_parallel(hypotheses_.size(), [&](Workspace& work, std::size_t n) {
+        Hypothesis& h = hypotheses_[n];
         for (int round = 0; round < 2; ++round)
-            for (const Limb limb : kLimbs) search_limb(h, views, limb, LimbSearchScope::kWhole);
-        for (const auto& [first, second] : kLimbPairs) search_pair(h, views, first, second);
+            for (const Limb limb : kLimbs) search_limb(work, h, views, limb, LimbSearchScope::kWhole);
+        for (const auto& [first, second] : kLimbPairs) search_pair(work, h, views, first, second);
         h.cost = h.fit.at.cost;
-    }
+    });
     choose();
 }
 
 // Searches a limb globally and keeps the result only if the whole body fits better with it.
-void PoseTracker::search_limb(Hypothesis& h, std::span<const SilhouetteRays> views, Limb limb,
-                              LimbSearchScope scope) {
+void PoseTracker::search_limb(Workspace& work, Hypothesis& h, std::span<const SilhouetteRays> views,
+                              Limb limb, LimbSearchScope scope) {
     const auto end = static_cast<std::size_t>(kSegmentFarJoint[segments_of(limb).lower]);
     // Among other people small gains are no evidence: a limb may fit anywhere in their silhouettes.
     const bool hidden = is_among_others(views, model_->forward(h.posture).joints_in_world[end]);
-    try_moved(h, views, limbs_.improve(*model_, h.posture, views, limb, scope, 2 * options_.fit.narrow_m),
+    try_moved(work, h, views,
+              work.limbs.improve(*model_, h.posture, views, limb, scope, 2 * options_.fit.narrow_m),
               hidden ? kClearlyBetter : kBetter);
-    if (limb == Limb::kArmL || limb == Limb::kArmR) try_mirrored_elbow(h, views, limb);
+    if (limb == Limb::kArmL || limb == Limb::kArmR) try_mirrored_elbow(work, h, views, limb);
 }
 
 // A bent arm whose elbow is on the wrong side explains its silhouettes nearly as well. A shoulder hardly
 // turns so far; away from a possible twist takes a clear gain.
-void PoseTracker::try_mirrored_elbow(Hypothesis& h, std::span<const SilhouetteRays> views, Limb arm) {
+void PoseTracker::try_mirrored_elbow(Workspace& work, Hypothesis& h, std::span<const SilhouetteRays> views,
+                                     Limb arm) {
     const int upper_arm = arm == Limb::kArmL ? kUpperArmL : kUpperArmR;
     const BodyPosture mirrored = elbow_mirrored(*model_, h.posture, upper_arm);
-    const double cost = fitter_.cost_of(*model_, views, mirrored);
-    if (cost > fitter_.cost_of(*model_, views, h.posture) + kMirroredSlack) return;
+    const double cost = work.fitter.cost_of(*model_, views, mirrored);
+    if (cost > work.fitter.cost_of(*model_, views, h.posture) + kMirroredSlack) return;
     const bool better_twist =
         std::abs(upper_arm_twist(mirrored, upper_arm)) < std::abs(upper_arm_twist(h.posture, upper_arm));
-    try_moved(h, views, mirrored, better_twist ? kBetter : kClearlyBetter);
+    try_moved(work, h, views, mirrored, better_twist ? kBetter : kClearlyBetter);
 }
 
-void PoseTracker::search_pair(Hypothesis& h, std::span<const SilhouetteRays> views, Limb first, Limb second) {
+void PoseTracker::search_pair(Workspace& work, Hypothesis& h, std::span<const SilhouetteRays> views,
+                              Limb first, Limb second) {
     // A tracked body changes only for a clear gain.
     const double gain = h.seconds == 0 ? kBetter : kClearlyBetter;
-    try_moved(h, views,
-              limbs_.improve_pair(*model_, h.posture, views, first, second, 2 * options_.fit.narrow_m), gain);
+    try_moved(work, h, views,
+              work.limbs.improve_pair(*model_, h.posture, views, first, second, 2 * options_.fit.narrow_m),
+              gain);
 }
 
 // The directions of a whole limb are coarse: where one was found, its lower half may be wrong still.
-void PoseTracker::search_all(Hypothesis& h, std::span<const SilhouetteRays> views) {
+void PoseTracker::search_all(Workspace& work, Hypothesis& h, std::span<const SilhouetteRays> views) {
     for (const Limb limb : kLimbs) {
-        search_limb(h, views, limb, LimbSearchScope::kWhole);
-        search_limb(h, views, limb, LimbSearchScope::kLower);
+        search_limb(work, h, views, limb, LimbSearchScope::kWhole);
+        search_limb(work, h, views, limb, LimbSearchScope::kLower);
     }
-    for (const auto& [first, second] : kLimbPairs) search_pair(h, views, first, second);
+    for (const auto& [first, second] : kLimbPairs) search_pair(work, h, views, first, second);
+    for (const auto& [first, second] : kArmsAndLegs) search_pair(work, h, views, first, second);
 }
 
 // The fit from `start` if it costs less by `gain` than the one from `current`, both without a prior.
-std::optional<PoseFit> PoseTracker::better_fit(std::span<const SilhouetteRays> views,
+std::optional<PoseFit> PoseTracker::better_fit(Workspace& work, std::span<const SilhouetteRays> views,
                                                const BodyPosture& start, const BodyPosture& current,
                                                double gain) {
-    PoseFit fit = fitter_.fit(*model_, views, start, nullptr, true);
-    const PoseFit stayed = fitter_.fit(*model_, views, current, nullptr, false);
+    PoseFit fit = work.fitter.fit(*model_, views, start, nullptr, true);
+    const PoseFit stayed = work.fitter.fit(*model_, views, current, nullptr, false);
     if (fit.at.cost + gain >= stayed.at.cost) return std::nullopt;
     return fit;
 }
 
-void PoseTracker::try_moved(Hypothesis& h, std::span<const SilhouetteRays> views,
+void PoseTracker::try_moved(Workspace& work, Hypothesis& h, std::span<const SilhouetteRays> views,
                             const std::optional<BodyPosture>& moved, double gain) {
     if (!moved) return;
-    auto fit = better_fit(views, *moved, h.posture, gain);
+    auto fit = better_fit(work, views, *moved, h.posture, gain);
     if (fit) replace(h, *std::move(fit));
 }
 
@@ -188,6 +211,13 @@ void PoseTracker::replace(Hypothesis& h, PoseFit fit) {
     h.fit = std::move(fit);
     h.posture = h.fit.posture;
     h.rate = {};
+}
+
+// Also after a gap. Where frame sets are lost all the time the processor is too slow, and searches would lose
+// more.
+bool PoseTracker::searches_fully(double seconds) const {
+    return 1 / fps_ >= options_.full_search_interval_s ||
+           (seconds >= options_.full_search_interval_s && seconds > kUnusualGap * usual_interval_s_);
 }
 
 void PoseTracker::follow(Hypothesis& h, std::span<const SilhouetteRays> views, double seconds) {
@@ -204,7 +234,8 @@ void PoseTracker::follow(Hypothesis& h, std::span<const SilhouetteRays> views, d
                        : k < 6 ? 0.02 + options_.root_angular_acceleration_rad_per_s2 * dt2
                                : 0.03 + options_.joint_angular_acceleration_rad_per_s2 * dt2;
     h.replaced.clear();
-    h.fit = fitter_.fit(*model_, views, prior.expected, &prior, searches_fully() || !shows_others(views));
+    h.fit = workspaces_.front().fitter.fit(*model_, views, prior.expected, &prior,
+                                           searches_fully(seconds) || !shows_others(views));
     if (try_other_starts(h, views, prior.expected.root_in_world)) {
         h.rate = {};  // its motion so far was that of another posture
     } else {
@@ -234,7 +265,7 @@ bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
     oneapi::tbb::parallel_for(
         std::size_t{0}, kStartCount + 1,
         [&](std::size_t k) {
-            PoseFitter& fitter = start_fitters_[k];
+            PoseFitter& fitter = workspaces_[k].fitter;
             if (k == kStartCount) {
                 cost = fitter.fit(*model_, views, h.fit.posture, nullptr, false).at.cost;
                 return;
@@ -262,9 +293,10 @@ void PoseTracker::check_turned(Hypothesis& h, std::span<const SilhouetteRays> vi
     turn_wait_s_ -= seconds;
     if (turn_wait_s_ > 0) return;
     turn_wait_s_ = kTurnInterval_s;
-    PoseFit fit = fitter_.fit(*model_, views, turned(*model_, h.posture), nullptr, true);
-    fit = fitter_.fit(*model_, views, fit.posture, nullptr, true);
-    const PoseFit stayed = fitter_.fit(*model_, views, h.posture, nullptr, false);
+    Workspace& work = workspaces_.front();
+    PoseFit fit = work.fitter.fit(*model_, views, turned(*model_, h.posture), nullptr, true);
+    fit = work.fitter.fit(*model_, views, fit.posture, nullptr, true);
+    const PoseFit stayed = work.fitter.fit(*model_, views, h.posture, nullptr, false);
     const double gain = stayed.at.cost - fit.at.cost;
     turn_evidence_ = std::max(0.0, kTurnMemory * turn_evidence_ + gain);
     if (turn_evidence_ < kTurnEvidence || gain <= 0) return;
@@ -273,8 +305,8 @@ void PoseTracker::check_turned(Hypothesis& h, std::span<const SilhouetteRays> vi
     // The trunk's twist and the limbs were found for the other body.
     BodyPosture straight = h.posture;
     straight.parent_from_segment[kThorax] = Mat3{};
-    try_moved(h, views, straight, kBetter);
-    search_all(h, views);
+    try_moved(work, h, views, straight, kBetter);
+    search_all(work, h, views);
     usual_explained_ = 0;
 }
 
@@ -309,13 +341,15 @@ TrackedPosture PoseTracker::best() const {
 // One limb or pair in turn. `whole`: less is explained than usual.
 void PoseTracker::search_next(Hypothesis& h, std::span<const SilhouetteRays> views, bool whole) {
     constexpr double kRounding = 1e-3;
+    Workspace& work = workspaces_.front();
     if (intervals_to_pair_ > kRounding || !(whole || h.seconds < kPairSeconds)) {
-        search_limb(h, views, kLimbs[next_limb_], whole ? LimbSearchScope::kWhole : LimbSearchScope::kLower);
+        search_limb(work, h, views, kLimbs[next_limb_],
+                    whole ? LimbSearchScope::kWhole : LimbSearchScope::kLower);
         next_limb_ = (next_limb_ + 1) % static_cast<int>(kLimbs.size());
         return;
     }
     const auto& [first, second] = kLimbPairs[next_pair_];
-    search_pair(h, views, first, second);
+    search_pair(work, h, views, first, second);
     next_pair_ = (next_pair_ + 1) % kLimbPairs.size();
     intervals_to_pair_ = options_.always_search_limbs ? kFrequentPairIntervals : kPairIntervals;
 }
@@ -335,6 +369,7 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
     if (!tracking()) {
         begin(views, centre, candidates);
         lost_s_ = usual_explained_ = 0;
+        usual_interval_s_ = seconds;
         turn_wait_s_ = kTurnInterval_s, turn_evidence_ = 0;
     } else {
         for (Hypothesis& h : hypotheses_) follow(h, views, seconds);
@@ -347,13 +382,14 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
                                   : std::min(options_.search_explained_fraction, usual_explained_ - kPoorer);
         intervals_to_pair_ -= reference_intervals(seconds);
         Hypothesis& best = hypotheses_.front();
-        if (searches_fully()) {
-            search_all(best, views);
+        if (searches_fully(seconds) || std::exchange(model_changed_, false)) {
+            search_all(workspaces_.front(), best, views);
         } else {
             search_next(best, views, explained < enough);
         }
         check_turned(best, views, seconds);
         choose();
+        usual_interval_s_ = kIntervalMemory * usual_interval_s_ + (1 - kIntervalMemory) * seconds;
     }
     last_time_ns_ = time_ns;
     if (hypotheses_.front().fit.explained < options_.lost_explained_fraction) {

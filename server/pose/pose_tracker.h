@@ -32,7 +32,10 @@ class PoseTracker {
   public:
     PoseTracker(double fps, const PoseTrackerOptions& options = {});
 
-    void set_model(std::shared_ptr<const BodyModel> model) { model_ = std::move(model); }
+    void set_model(std::shared_ptr<const BodyModel> model) {
+        model_ = std::move(model);
+        model_changed_ = tracking();
+    }
     const BodyModel& model() const { return *model_; }
     void set_standing(double standing_m);  // as in PoseCostOptions
 
@@ -53,19 +56,29 @@ class PoseTracker {
         std::vector<BodyPosture> replaced;  // fits of the last frame set that a better one replaced
     };
 
+    struct Workspace {
+        explicit Workspace(const PoseFitOptions& options) : fitter(options) {}
+        PoseFitter fitter;
+        LimbSearch limbs;
+    };
+
+    template <typename F>
+    void in_parallel(std::size_t count, const F& body);
     void begin(std::span<const SilhouetteRays> views, Vec3 centre, std::span<const PoseCandidate> candidates);
-    bool searches_fully() const { return 1 / fps_ >= options_.full_search_interval_s; }
+    bool searches_fully(double seconds) const;
     void follow(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, double seconds);
     bool try_other_starts(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Vec3 root_in_world);
-    void search_limb(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb limb,
-                     LimbSearchScope scope);
-    void try_mirrored_elbow(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb arm);
-    void search_pair(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Limb first, Limb second);
-    void search_all(Hypothesis& hypothesis, std::span<const SilhouetteRays> views);
+    void search_limb(Workspace& work, Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
+                     Limb limb, LimbSearchScope scope);
+    void try_mirrored_elbow(Workspace& work, Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
+                            Limb arm);
+    void search_pair(Workspace& work, Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
+                     Limb first, Limb second);
+    void search_all(Workspace& work, Hypothesis& hypothesis, std::span<const SilhouetteRays> views);
     void search_next(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, bool whole);
-    std::optional<PoseFit> better_fit(std::span<const SilhouetteRays> views, const BodyPosture& start,
-                                      const BodyPosture& current, double gain);
-    void try_moved(Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
+    std::optional<PoseFit> better_fit(Workspace& work, std::span<const SilhouetteRays> views,
+                                      const BodyPosture& start, const BodyPosture& current, double gain);
+    void try_moved(Workspace& work, Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
                    const std::optional<BodyPosture>& moved, double gain);
     static void replace(Hypothesis& hypothesis, PoseFit fit);
     void check_turned(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, double seconds);
@@ -75,13 +88,13 @@ class PoseTracker {
     double fps_;
     PoseTrackerOptions options_;
     std::shared_ptr<const BodyModel> model_;
-    PoseFitter fitter_;
-    std::vector<PoseFitter> start_fitters_;  // one per task of try_other_starts()
-    LimbSearch limbs_;
+    bool model_changed_ = false;         // since the last update of a tracked body
+    std::vector<Workspace> workspaces_;  // one per parallel task
     int next_limb_ = 0;
     double intervals_to_pair_ = 0;  // reference intervals until the next search of a pair
     std::size_t next_pair_ = 0;
     double usual_explained_ = 0;
+    double usual_interval_s_ = 0;
     double turn_wait_s_ = 0, turn_evidence_ = 0;  // of check_turned()
     std::vector<Hypothesis> hypotheses_;          // the best one first
     std::int64_t last_time_ns_ = 0;

@@ -243,6 +243,23 @@ TEST(PoseTracker, FollowsArmsThatPassEachOtherBetweenFrameSets) {
     }
 }
 
+TEST(PoseTracker, FindsArmAndLegThatMovedFarWhileFrameSetsWereLost) {
+    const Scene scene;
+    PoseTracker tracker(30);
+    tracker.set_model(scene.model);
+    BodyCoordinates truth = scene.standing();
+    std::int64_t time_ns = 0;
+    for (int n = 0; n < 45; ++n, time_ns += 33'333'333)
+        ASSERT_TRUE(tracker.update(time_ns, scene.see(truth), {0, 0, 0.95}, {}).has_value());
+    time_ns += 300'000'000;
+    truth[kDofHipR] = radians(80), truth[kDofKneeR] = radians(60);
+    truth[kDofShoulderR] = radians(100), truth[kDofElbowR] = radians(20);
+    truth[kDofShoulderL] = radians(-40);
+    const auto tracked = tracker.update(time_ns, scene.see(truth), {0, 0, 0.95}, {});
+    ASSERT_TRUE(tracked.has_value());
+    EXPECT_LT(scene.error_m(tracked->fit.posture, truth), 0.03);
+}
+
 TEST(Retrack, FollowsLimbsThatMoveFarBetweenFrameSets) {
     const Scene scene;
     constexpr double kFps = 10;
