@@ -170,8 +170,11 @@ void Capture::fit_bodies(const FrameResult& result) {
     std::vector<LiveBodyFit::Seen> tracked;
     for (const SubjectResult& subject : result.subjects) {
         const PoseStage* const stage = live_pipeline->pose_stage_of(subject.track.subject_id);
-        tracked.push_back(
-            {subject.track.subject_id, subject.volume && stage ? &stage->observation() : nullptr});
+        LiveBodyFit::Seen& seen = tracked.emplace_back();
+        seen.subject_id = subject.track.subject_id;
+        if (!subject.volume || !stage) continue;
+        seen.observation = &stage->observation();
+        if (stage->tracked()) seen.posture = &stage->tracked()->fit.posture;
     }
     body_fit->observe(result.capture_time_ns, tracked);
     const auto use_fitted = [&](std::uint32_t subject_id, PoseStage& stage) {

@@ -262,17 +262,12 @@ class JointFit {
     ShapeVector usual_gradient_;
 };
 
-struct Posed {
-    const PoseObservation* frame;
-    BodyPosture posture;
-};
-
-std::vector<Posed> tracked_postures(const std::vector<Camera>& cameras, double fps,
-                                    std::span<const PoseObservation* const> frames,
-                                    const PoseStageOptions& posing, const std::stop_token& stop,
-                                    const std::function<void(double)>& report) {
+std::vector<ObservedPosture> tracked_postures(const std::vector<Camera>& cameras, double fps,
+                                              std::span<const PoseObservation* const> frames,
+                                              const PoseStageOptions& posing, const std::stop_token& stop,
+                                              const std::function<void(double)>& report) {
     PoseStage stage(cameras, fps, posing);
-    std::vector<Posed> posed;
+    std::vector<ObservedPosture> posed;
     for (std::size_t n = 0; n < frames.size() && !stop.stop_requested(); ++n) {
         report(static_cast<double>(n) / static_cast<double>(frames.size()));
         if (stage.process(0, 0, frames[n]->time_ns, *frames[n], {}) && stage.tracked())
@@ -282,13 +277,13 @@ std::vector<Posed> tracked_postures(const std::vector<Camera>& cameras, double f
 }
 
 // Without those of frame sets that allow other postures, unless that leaves too few.
-std::vector<Posed> postures_on_path(const std::vector<Camera>& cameras, double fps,
-                                    std::span<const PoseObservation* const> frames,
-                                    const PoseStageOptions& posing, const std::stop_token& stop) {
+std::vector<ObservedPosture> postures_on_path(const std::vector<Camera>& cameras, double fps,
+                                              std::span<const PoseObservation* const> frames,
+                                              const PoseStageOptions& posing, const std::stop_token& stop) {
     std::vector<RecordedView> views;
     for (const PoseObservation* frame : frames) views.push_back({0, 0, frame});
     const std::vector<RetrackedFrame> path = retrack(cameras, fps, views, posing, kRetrackRounds, stop);
-    std::vector<Posed> all, certain;
+    std::vector<ObservedPosture> all, certain;
     for (std::size_t n = 0; n < path.size(); ++n) {
         if (!path[n].posture) continue;
         all.push_back({frames[n], *path[n].posture});
@@ -339,12 +334,12 @@ BodyShape start_of_right_size(const std::vector<Camera>& cameras, double fps,
 
 // Frame sets of one posture see the same errors of the surface: they count as one. Others count up to
 // `max_count`, as far as their postures spread.
-double independent_count(const BodyShape& shape, std::span<const Posed> posed, double max_count) {
+double independent_count(const BodyShape& shape, std::span<const ObservedPosture> posed, double max_count) {
     constexpr double kVaried_m = 0.15;  // RMS distance of the joints, seen from the root, from their means
     const BodyModel model(shape);
     std::array<Vec3, kJointNames.size()> sum{};
     double squares = 0;
-    for (const Posed& p : posed) {
+    for (const ObservedPosture& p : posed) {
         const PosedBody body = model.forward(p.posture);
         for (std::size_t j = 0; j < sum.size(); ++j) {
             const Vec3 from_root = body.joints_in_world[j] - p.posture.root_in_world;
@@ -359,10 +354,10 @@ double independent_count(const BodyShape& shape, std::span<const Posed> posed, d
 }
 
 // Of a body that floats above the floor, the fit with its feet on it, if that is a likely body.
-std::optional<JointFit> stand(const JointFit& floating, std::span<const Posed> posed, double narrow_m,
-                              int steps, double independent) {
+std::optional<JointFit> stand(const JointFit& floating, std::span<const ObservedPosture> posed,
+                              double narrow_m, int steps, double independent) {
     std::vector<std::int64_t> times_ns;
-    for (const Posed& p : posed) times_ns.push_back(p.frame->time_ns);
+    for (const ObservedPosture& p : posed) times_ns.push_back(p.frame->time_ns);
     const std::vector<std::size_t> frames =
         floating_frames(BodyModel(floating.shape()), floating.postures(), times_ns);
     if (frames.empty()) return std::nullopt;
@@ -377,7 +372,8 @@ std::optional<JointFit> stand(const JointFit& floating, std::span<const Posed> p
 }
 
 // The cost of this body, each posture fitted again.
-double cost_with(const BodyShape& shape, std::span<const Posed> posed, const PoseFitOptions& options) {
+double cost_with(const BodyShape& shape, std::span<const ObservedPosture> posed,
+                 const PoseFitOptions& options) {
     const BodyModel model(shape);
     std::vector<double> costs(posed.size());
     oneapi::tbb::parallel_for(std::size_t{0}, posed.size(), [&](std::size_t n) {
@@ -400,17 +396,72 @@ double girth_std_m(const BodyFit& fit, const BodyGirthInfo& girth) {
                : std::hypot(moved(girth.half_width), moved(girth.half_depth));
 }
 
+std::optional<BodyFit> fit_lengths(std::span<const ObservedPosture> all, const BodyShape& start,
+                                   const PoseStageOptions& posing, const BodyFitOptions& options,
+                                   const std::stop_token& stop) {
+    const PoseFitOptions& fitting = posing.tracker.fit;
+    // Some are held out for the verification.
+    const auto most = static_cast<std::size_t>(options.max_frames);
+    const bool enough = std::min(all.size(), most) >= 3 * kHeldOutFrames;
+    const auto posed =
+        evenly(std::vector<ObservedPosture>(all.begin(), all.end()), enough ? most + kHeldOutFrames : most);
+    std::vector<ObservedPosture> held_out, used;
+    for (std::size_t n = 0; n < posed.size(); ++n)
+        (enough && n % kHeldOutInterval == kHeldOutInterval / 2 ? held_out : used).push_back(posed[n]);
+    std::optional<JointFit> joint;
+    const auto start_with = [&](std::span<const ObservedPosture> with) {
+        std::vector<const PoseObservation*> observations;
+        std::vector<BodyPosture> postures;
+        for (const ObservedPosture& p : with) observations.push_back(p.frame), postures.push_back(p.posture);
+        joint.emplace(std::move(observations), std::move(postures), start, posing, options, stop);
+    };
+    start_with(used);
+    joint->descend(2 * fitting.narrow_m, options.steps, 1);
+    // A frame set that the body explains much worse than the others has bad silhouettes or a wrong pose.
+    const std::vector<double> explained = joint->explained_fractions(fitting.narrow_m);
+    std::vector<double> sorted = explained;
+    std::sort(sorted.begin(), sorted.end());
+    std::vector<ObservedPosture> good;
+    for (std::size_t n = 0; n < used.size(); ++n)
+        if (explained[n] >= kMinExplained * sorted[sorted.size() / 2])
+            good.push_back({used[n].frame, joint->postures()[n]});
+    if (good.size() < used.size()) {
+        start_with(good);
+        joint->descend(2 * fitting.narrow_m, options.steps, 1);
+    }
+    joint->descend(fitting.narrow_m, options.steps, 1);
+    const double independent = independent_count(start, good, options.independent_frames);
+    joint->descend(fitting.narrow_m, options.steps, independent);
+    std::optional<JointFit> standing = stand(*joint, good, fitting.narrow_m, options.steps, independent);
+    BodyFit fit;
+    fit.standing_m = standing ? kStandingPose_m : 0;
+    if (standing) joint = std::move(standing);
+    // Lengths that do not help where they were not fitted are the population's.
+    const BodyShape usual = default_body_shape(joint->shape().stature_m);
+    const bool confirmed = held_out.empty() || cost_with(joint->shape(), held_out, fitting) <=
+                                                   cost_with(usual, held_out, fitting);
+    fit.shape = confirmed ? joint->shape() : usual;
+    const auto std_m = joint->std_m();
+    for (int k = 0; k < kBodyLengthCount; ++k)
+        fit.lengths_std_m[k] = confirmed ? std_m[k] : kBodyLengths[k].relative_std * usual.lengths_m[k];
+    fit.stature_std_m = std_m[kStature];
+    fit.contour_residual_rms_m = joint->rms_m();
+    fit.frame_set_count = static_cast<int>(good.size());
+    if (stop.stop_requested()) return std::nullopt;
+    return fit;
+}
+
 absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
                                  std::span<const PoseObservation* const> frames, const BodyShape& start,
                                  const PoseStageOptions& posing, const BodyFitOptions& options,
                                  std::stop_token stop, const std::function<void(double)>& progress) {
     PoseStageOptions unfiltered = posing;
     unfiltered.filtered = false;
-    BodyShape shape = start_of_right_size(cameras, fps, frames, start, unfiltered, options, stop);
     BodyFit fit;
+    fit.shape = start_of_right_size(cameras, fps, frames, start, unfiltered, options, stop);
     for (int round = 0; round < options.rounds; ++round) {
         PoseStageOptions stage_options = unfiltered;
-        stage_options.body = shape;
+        stage_options.body = fit.shape;
         stage_options.tracker.always_search_limbs = true;
         stage_options.tracker.fit.cost.standing_m = fit.standing_m;
         stage_options.tracker.lost_explained_fraction = options.min_explained_fraction;
@@ -420,62 +471,18 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
         const auto report = [&](double fraction) {
             if (progress) progress((round + 0.8 * fraction) / options.rounds);
         };
-        std::vector<Posed> posed = last ? postures_on_path(cameras, fps, frames, stage_options, stop)
-                                        : tracked_postures(cameras, fps, frames, stage_options, stop, report);
+        const std::vector<ObservedPosture> posed =
+            last ? postures_on_path(cameras, fps, frames, stage_options, stop)
+                 : tracked_postures(cameras, fps, frames, stage_options, stop, report);
         if (stop.stop_requested()) return absl::CancelledError("the body fit was cancelled");
         if (posed.empty())
             return absl::FailedPreconditionError(fmt::format(
                 "no person's pose was found in {} frame sets; fit the body where one person stands free",
                 frames.size()));
-        const PoseFitOptions& fitting = posing.tracker.fit;
-        // Some are held out for the verification.
-        const auto most = static_cast<std::size_t>(options.max_frames);
-        const bool enough = std::min(posed.size(), most) >= 3 * kHeldOutFrames;
-        posed = evenly(posed, enough ? most + kHeldOutFrames : most);
-        std::vector<Posed> held_out, used;
-        for (std::size_t n = 0; n < posed.size(); ++n)
-            (enough && n % kHeldOutInterval == kHeldOutInterval / 2 ? held_out : used).push_back(posed[n]);
-        std::optional<JointFit> joint;
-        const auto start_with = [&](std::span<const Posed> with) {
-            std::vector<const PoseObservation*> observations;
-            std::vector<BodyPosture> postures;
-            for (const Posed& p : with) observations.push_back(p.frame), postures.push_back(p.posture);
-            joint.emplace(std::move(observations), std::move(postures), shape, posing, options, stop);
-        };
-        start_with(used);
-        joint->descend(2 * fitting.narrow_m, options.steps, 1);
-        // A frame set that the body explains much worse than the others has bad silhouettes or a wrong pose.
-        const std::vector<double> explained = joint->explained_fractions(fitting.narrow_m);
-        std::vector<double> sorted = explained;
-        std::sort(sorted.begin(), sorted.end());
-        std::vector<Posed> good;
-        for (std::size_t n = 0; n < used.size(); ++n)
-            if (explained[n] >= kMinExplained * sorted[sorted.size() / 2])
-                good.push_back({used[n].frame, joint->postures()[n]});
-        if (good.size() < used.size()) {
-            start_with(good);
-            joint->descend(2 * fitting.narrow_m, options.steps, 1);
-        }
-        joint->descend(fitting.narrow_m, options.steps, 1);
-        const double independent = independent_count(shape, good, options.independent_frames);
-        joint->descend(fitting.narrow_m, options.steps, independent);
-        std::optional<JointFit> standing = stand(*joint, good, fitting.narrow_m, options.steps, independent);
-        fit.standing_m = standing ? kStandingPose_m : 0;
-        if (standing) joint = std::move(standing);
-        // Lengths that do not help where they were not fitted are the population's.
-        const BodyShape usual = default_body_shape(joint->shape().stature_m);
-        const bool confirmed = held_out.empty() || cost_with(joint->shape(), held_out, fitting) <=
-                                                       cost_with(usual, held_out, fitting);
-        shape = confirmed ? joint->shape() : usual;
-        const auto std_m = joint->std_m();
-        for (int k = 0; k < kBodyLengthCount; ++k)
-            fit.lengths_std_m[k] = confirmed ? std_m[k] : kBodyLengths[k].relative_std * usual.lengths_m[k];
-        fit.stature_std_m = std_m[kStature];
-        fit.contour_residual_rms_m = joint->rms_m();
-        fit.frame_set_count = static_cast<int>(good.size());
+        const std::optional<BodyFit> fitted = fit_lengths(posed, fit.shape, posing, options, stop);
+        if (!fitted) return absl::CancelledError("the body fit was cancelled");
+        fit = *fitted;
     }
-    if (stop.stop_requested()) return absl::CancelledError("the body fit was cancelled");
-    fit.shape = shape;
     return fit;
 }
 

@@ -21,7 +21,10 @@ constexpr std::size_t kMaxSubjects = 64;  // remembered, gone ones included
 constexpr int kAttempts = 3;              // automatic ones
 constexpr int kNicer = 5;                 // than the pipeline's threads: a third of a busy core
 // Of a preliminary fit, which must be there soon.
-constexpr int kPreliminaryRounds = 1, kPreliminarySizeFrames = 2;
+constexpr int kPreliminaryFrames = 8, kPreliminarySteps = 6;
+// Where the tracker finds no postures, they are searched, in frame sets of at least this time.
+constexpr int kSearchRounds = 1, kSearchSizeFrames = 2;
+constexpr double kMinSearched_s = 0.4;
 
 double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
     return 1e-9 * static_cast<double>(to_ns - from_ns);
@@ -49,6 +52,12 @@ bool may_be_same_person(const BodyFit& a, const BodyFit& b) {
 }
 
 }  // namespace
+
+std::vector<const PoseObservation*> LiveBodyFit::observations_of(const Frames& frames) {
+    std::vector<const PoseObservation*> seen;
+    for (const Frame& frame : frames) seen.push_back(frame.seen.get());
+    return seen;
+}
 
 LiveBodyFit::LiveBodyFit(std::vector<Camera> cameras, double fps, const PoseStageOptions& posing,
                          const LiveBodyFitOptions& options, Observers observers)
@@ -109,6 +118,7 @@ LiveBodyFit::Subject& LiveBodyFit::subject_of(std::uint32_t key) {
 
 void LiveBodyFit::cancel(std::uint32_t key) {
     subject_of(key).stop.request_stop();
+    subject_of(key).preliminary_runs = false;
     std::erase_if(to_fit_, [key](const ToFit& job) { return job.key == key; });
 }
 
@@ -118,8 +128,6 @@ void LiveBodyFit::begin(std::uint32_t key, double seconds, bool requested) {
     subject.collecting.emplace(Collecting{});
     subject.collecting->seconds = seconds;
     subject.collecting->requested = requested;
-    subject.collecting->preliminary_due =
-        !requested && options_.preliminary_duration_s > 0 && options_.preliminary_duration_s < seconds;
     if (requested) subject.attempts_left = 0;  // an automatic fit does not replace a requested one
     subject.progress.state = BodyFitState::kCollecting;
     subject.progress.progress = 0;
@@ -152,11 +160,10 @@ bool LiveBodyFit::restart() {
     return true;
 }
 
-bool LiveBodyFit::observe_one(std::uint32_t key, std::int64_t time_ns, const PoseObservation* seen,
-                              Ended& ended) {
+bool LiveBodyFit::observe_one(std::uint32_t key, std::int64_t time_ns, const Seen& seen, Ended& ended) {
     Subject& subject = subject_of(key);
     bool changed = false;
-    if (!subject.collecting && seen && subject.attempts_left > 0 &&
+    if (!subject.collecting && seen.observation && subject.attempts_left > 0 &&
         subject.progress.state != BodyFitState::kFitting) {
         --subject.attempts_left;
         begin(key, options_.automatic_duration_s, false);
@@ -166,8 +173,8 @@ bool LiveBodyFit::observe_one(std::uint32_t key, std::int64_t time_ns, const Pos
     Collecting& collecting = *subject.collecting;
     if (!collecting.requested_ns) collecting.requested_ns = time_ns;
     const double before = subject.progress.progress;
-    if (seen) {
-        keep(key, time_ns, *seen);
+    if (seen.observation) {
+        keep(key, time_ns, seen);
     } else if (collecting.requested && collecting.frames.empty() &&
                seconds_between(*collecting.requested_ns, time_ns) > kMaxWait_s) {
         fail(subject,
@@ -184,7 +191,7 @@ bool LiveBodyFit::observe_lone(std::int64_t time_ns, std::span<const Seen> track
     bool changed = false;
     if (id != 0 && std::exchange(lone_id_, id) != id) changed = change_lone(id);
     subjects_[0].progress.subject_id = id;
-    return observe_one(0, time_ns, tracked.empty() ? nullptr : tracked.front().observation, ended) || changed;
+    return observe_one(0, time_ns, tracked.empty() ? Seen() : tracked.front(), ended) || changed;
 }
 
 // Another person, or one not recognised, takes the place of the last one.
@@ -219,9 +226,9 @@ bool LiveBodyFit::observe_several(std::int64_t time_ns, std::span<const Seen> tr
             next.progress.requested = false;
             changed = true;
         }
-        changed = observe_one(seen.subject_id, time_ns, seen.observation, ended) || changed;
+        changed = observe_one(seen.subject_id, time_ns, seen, ended) || changed;
     }
-    if (tracked.empty()) changed = observe_one(0, time_ns, nullptr, ended) || changed;
+    if (tracked.empty()) changed = observe_one(0, time_ns, {}, ended) || changed;
     return changed;
 }
 
@@ -274,39 +281,53 @@ void LiveBodyFit::observe(std::int64_t time_ns, std::span<const Seen> tracked) {
 }
 
 // Keeps observations evenly spaced in time.
-void LiveBodyFit::keep(std::uint32_t key, std::int64_t time_ns, const PoseObservation& seen) {
+void LiveBodyFit::keep(std::uint32_t key, std::int64_t time_ns, const Seen& seen) {
     Subject& subject = subject_of(key);
     Collecting& collecting = *subject.collecting;
     if (!collecting.first_ns) collecting.first_ns = time_ns;
     const double apart_s = std::max(1 / kMaxRate_hz, collecting.seconds / kMaxFrames);
     constexpr double kJitter = 0.75;  // fraction of the spacing after which the next one is accepted
     if (!collecting.last_ns || seconds_between(*collecting.last_ns, time_ns) >= kJitter * apart_s) {
-        auto frame = std::make_shared<PoseObservation>(seen);
+        auto frame = std::make_shared<PoseObservation>(*seen.observation);
         for (std::size_t c = 0; c < frame->views.size() && c < cameras_->size(); ++c)
             if (frame->views[c].camera)
                 frame->views[c].camera = &(*cameras_)[c];  // outlives the pipeline's cameras
-        collecting.frames.push_back(std::move(frame));
+        collecting.frames.push_back(
+            {std::move(frame), seen.posture ? std::optional(*seen.posture) : std::nullopt});
         collecting.last_ns = time_ns;
     }
     const double collected_s = seconds_between(*collecting.first_ns, time_ns);
     subject.progress.progress = std::clamp(collected_s / collecting.seconds, 0.0, 1.0);
-    if (collecting.preliminary_due && collected_s >= options_.preliminary_duration_s) {
-        collecting.preliminary_due = false;
-        enqueue(key, collecting.frames, true);
-    }
-    if (subject.progress.progress < 1) return;
+    if (subject.progress.progress < 1) return begin_preliminary(key);
     enqueue(key, std::move(collecting.frames), false);
     subject.collecting.reset();
     subject.progress.state = BodyFitState::kFitting;
     subject.progress.progress = 0;
 }
 
+// If another one is due and none runs.
+void LiveBodyFit::begin_preliminary(std::uint32_t key) {
+    Subject& subject = subject_of(key);
+    if (!subject.collecting || subject.collecting->requested || subject.preliminary_runs) return;
+    Collecting& collecting = *subject.collecting;
+    if (collecting.frames.empty()) return;
+    const auto& times_s = options_.preliminary_durations_s;
+    const double collected_s = seconds_between(*collecting.first_ns, *collecting.last_ns);
+    const auto due =
+        static_cast<std::size_t>(std::ranges::upper_bound(times_s, collected_s) - times_s.begin());
+    if (due <= collecting.preliminary_count) return;
+    collecting.preliminary_count = due;
+    enqueue(key, collecting.frames, true);
+}
+
 void LiveBodyFit::enqueue(std::uint32_t key, Frames frames, bool preliminary) {
     cancel(key);  // a preliminary fit that is still running
     Subject& subject = subject_of(key);
     subject.stop = std::stop_source();
+    subject.preliminary_runs = preliminary;
     const bool store = subject.progress.requested && !options_.file.empty();
-    to_fit_.push_back({key, cameras_, std::move(frames), preliminary, store, subject.stop.get_token()});
+    to_fit_.push_back({key, cameras_, std::move(frames), subject.progress.body, preliminary, store,
+                       subject.stop.get_token()});
     changed_.notify_all();
 }
 
@@ -402,9 +423,30 @@ void LiveBodyFit::fit_loop(bool preliminary) {
     }
 }
 
+// To the tracked postures; if most are missing, as with a body of another size, a short search.
+std::optional<BodyFit> LiveBodyFit::fit_preliminary(const ToFit& job) const {
+    BodyFitOptions fitting = options_.fit;
+    std::vector<ObservedPosture> posed;
+    for (const Frame& frame : job.frames)
+        if (frame.posture) posed.push_back({frame.seen.get(), *frame.posture});
+    if (2 * posed.size() >= job.frames.size()) {
+        fitting.max_frames = std::min(fitting.max_frames, kPreliminaryFrames);
+        fitting.steps = std::min(fitting.steps, kPreliminarySteps);
+        return fit_lengths(posed, job.start, posing_, fitting, job.stop);
+    }
+    const auto& first = *job.frames.front().seen;
+    if (seconds_between(first.time_ns, job.frames.back().seen->time_ns) < kMinSearched_s) return std::nullopt;
+    fitting.rounds = kSearchRounds, fitting.size_frames = kSearchSizeFrames;
+    auto fitted =
+        fit_body(*job.cameras, fps_, observations_of(job.frames), posing_.body, posing_, fitting, job.stop);
+    return fitted.ok() ? std::optional(*std::move(fitted)) : std::nullopt;
+}
+
 void LiveBodyFit::fit(const ToFit& job) {
-    std::vector<const PoseObservation*> seen;
-    for (const auto& frame : job.frames) seen.push_back(frame.get());
+    if (job.preliminary) {
+        if (use_preliminary(job, fit_preliminary(job))) report({});
+        return;
+    }
     const auto show = [&](double progress) {
         {
             const std::scoped_lock lock(mutex_);
@@ -416,14 +458,8 @@ void LiveBodyFit::fit(const ToFit& job) {
         }
         report({});
     };
-    BodyFitOptions fitting = options_.fit;
-    if (job.preliminary) fitting.rounds = kPreliminaryRounds, fitting.size_frames = kPreliminarySizeFrames;
-    const auto fitted = fit_body(*job.cameras, fps_, seen, posing_.body, posing_, fitting, job.stop,
-                                 job.preliminary ? std::function<void(double)>() : show);
-    if (job.preliminary) {
-        if (fitted.ok() && use_preliminary(job, *fitted)) report({});
-        return;
-    }
+    const auto fitted = fit_body(*job.cameras, fps_, observations_of(job.frames), posing_.body, posing_,
+                                 options_.fit, job.stop, show);
     // Stores before applying, so that the active body is always on disk.
     absl::Status stored;
     if (fitted.ok() && job.store) stored = write_body_shape(fitted->shape, options_.file);
@@ -437,7 +473,7 @@ void LiveBodyFit::fit(const ToFit& job) {
         } else {
             BodyFitProgress& progress = subject.progress;
             subject.attempts_left = 0;
-            subject.awaits_refit = false;
+            subject.awaits_refit = subject.is_preliminary = false;
             progress.state = BodyFitState::kReady;
             progress.progress = 1;
             set_fit(*fitted, progress);
@@ -456,14 +492,19 @@ void LiveBodyFit::fit(const ToFit& job) {
 }
 
 // A fitted body of the same person stays in use: it is of more frame sets.
-bool LiveBodyFit::use_preliminary(const ToFit& job, const BodyFit& fit) {
+bool LiveBodyFit::use_preliminary(const ToFit& job, const std::optional<BodyFit>& fit) {
     const std::scoped_lock lock(mutex_);
     if (job.stop.stop_requested()) return false;
     Subject& subject = subjects_.at(job.key);
+    subject.preliminary_runs = false;
+    begin_preliminary(job.key);
+    if (!fit) return false;
     BodyFitProgress& progress = subject.progress;
     const bool replaced = std::exchange(subject.awaits_refit, false);
-    if (!replaced && progress.fit && may_be_same_person(fit, *progress.fit)) return false;
-    set_fit(fit, progress);
+    const bool is_of_more = progress.fit && !subject.is_preliminary;
+    if (!replaced && is_of_more && may_be_same_person(*fit, *progress.fit)) return false;
+    subject.is_preliminary = true;
+    set_fit(*fit, progress);
     return true;
 }
 

@@ -1,5 +1,5 @@
 // Fits the body model to the captured subjects in the background: on request, and automatically from the
-// first seconds with a subject, after a preliminary fit to the first half second.
+// first seconds with a subject. Until then preliminary fits to what was seen so far.
 //
 // Threads: the pipeline calls observe() and body_in_use(), any thread the others. The callbacks may come
 // from any thread and must not call back into this class.
@@ -42,9 +42,9 @@ struct BodyFitProgress {
 struct LiveBodyFitOptions {
     bool automatic = true;  // fits to the first seconds with a subject
     double automatic_duration_s = 6;
-    // Another fit precedes it after that time; short movements, such as a sprinter's start, end before the
-    // automatic one. 0: none.
-    double preliminary_duration_s = 0.5;
+    // Others precede it after these times, ascending, unless the one before still runs; short movements, such
+    // as a sprinter's start, end before the automatic one.
+    std::vector<double> preliminary_durations_s{0, 0.1, 0.25, 0.5, 1, 2, 4};
     std::filesystem::path file;  // stores bodies fitted on request; empty: does not store
     // Several at once, each with a body of its own. Otherwise a requested body is that of all, and an
     // automatic one that of its subject: the next person begins with it, until another is fitted.
@@ -76,6 +76,7 @@ class LiveBodyFit {
     struct Seen {
         std::uint32_t subject_id = 0;
         const PoseObservation* observation = nullptr;  // null: the frame set does not show it
+        const BodyPosture* posture = nullptr;          // tracked with the body in use; null: none was found
     };
     // Call after each frame set with those tracked. Copies at most 30 observations per second of each.
     void observe(std::int64_t time_ns, std::span<const Seen> tracked);
@@ -100,12 +101,18 @@ class LiveBodyFit {
     void close();
 
   private:
-    using Frames = std::vector<std::shared_ptr<const PoseObservation>>;
+    struct Frame {
+        std::shared_ptr<const PoseObservation> seen;
+        std::optional<BodyPosture> posture;
+    };
+    using Frames = std::vector<Frame>;
+    static std::vector<const PoseObservation*> observations_of(const Frames& frames);
     using Cameras = std::shared_ptr<const std::vector<Camera>>;  // the frames point into them
     struct ToFit {
         std::uint32_t key = 0;  // of the subject in subjects_
         Cameras cameras;
         Frames frames;
+        BodyShape start;
         bool preliminary = false;  // more frames of the same subject are being collected
         bool store = false;
         std::stop_token stop;
@@ -113,7 +120,7 @@ class LiveBodyFit {
     struct Collecting {
         double seconds = 0;
         bool requested = false;
-        bool preliminary_due = false;
+        std::size_t preliminary_count = 0;  // of the fits begun
         // Capture times of the request and of the first and latest observation kept.
         std::optional<std::int64_t> requested_ns, first_ns, last_ns;
         Frames frames;
@@ -125,7 +132,9 @@ class LiveBodyFit {
         std::stop_source stop;  // of the running fit
         int attempts_left = 0;  // automatic ones
         std::optional<std::int64_t> gone_since_ns;
-        bool awaits_refit = false;  // the next preliminary body replaces even that of the same person
+        bool is_preliminary = false;    // the body in use
+        bool preliminary_runs = false;  // or waits to run
+        bool awaits_refit = false;      // the next preliminary body replaces even that of the same person
         std::optional<BodyFitProgress> before_refit;
     };
     using Ended = std::vector<BodyFitProgress>;  // to be passed on without the mutex
@@ -134,11 +143,12 @@ class LiveBodyFit {
     void begin(std::uint32_t key, double seconds, bool requested);
     void cancel(std::uint32_t key);
     void fail(Subject& subject, std::string message, Ended& ended);
-    void keep(std::uint32_t key, std::int64_t time_ns, const PoseObservation& seen);
+    void keep(std::uint32_t key, std::int64_t time_ns, const Seen& seen);
+    void begin_preliminary(std::uint32_t key);
     void enqueue(std::uint32_t key, Frames frames, bool preliminary);
     bool restart();
     Subject& subject_of(std::uint32_t key);
-    bool observe_one(std::uint32_t key, std::int64_t time_ns, const PoseObservation* seen, Ended& ended);
+    bool observe_one(std::uint32_t key, std::int64_t time_ns, const Seen& seen, Ended& ended);
     bool observe_several(std::int64_t time_ns, std::span<const Seen> tracked, Ended& ended);
     bool observe_lone(std::int64_t time_ns, std::span<const Seen> tracked, Ended& ended);
     bool change_lone(std::uint32_t id);
@@ -147,7 +157,8 @@ class LiveBodyFit {
 
     void fit_loop(bool preliminary);
     void fit(const ToFit& job);
-    bool use_preliminary(const ToFit& job, const BodyFit& fit);
+    std::optional<BodyFit> fit_preliminary(const ToFit& job) const;
+    bool use_preliminary(const ToFit& job, const std::optional<BodyFit>& fit);
     void report(const Ended& ended);
 
     const double fps_;

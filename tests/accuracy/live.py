@@ -72,6 +72,8 @@ def one(arguments, name, work):
     parts = list(zip(limits, limits[1:])) if arguments.spans else []
     rows = []
     for span in [(0, np.inf), *parts]:
+        if not ((sequence_frames >= span[0] * fps) & (sequence_frames < span[1] * fps)).any():
+            continue  # the sequence ends before
         row = measure(folder / "truth", fps, work / name / "live", span, sequence_frames)
         row["ratio"] = row["mean_mm"] / offline["mean_mm"]
         row["span"] = span

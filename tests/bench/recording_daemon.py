@@ -73,7 +73,7 @@ class Daemon:
         while (status := self.json("record", "status"))["state"] != "idle":
             if time.monotonic() > end:
                 raise RuntimeError("the recording does not end")
-            time.sleep(0.1)
+            time.sleep(0.5)  # each question starts a process, beside the capture
         return status
 
     def stop(self):

@@ -48,7 +48,8 @@ class LiveBodyFitTest : public ::testing::Test {
             BodyCoordinates q = scene_.t_pose();
             q[kDofShoulderL + 1] += radians(n % 7);
             PoseObservation seen{time_ns_, {0, 0, 0.95}, scene_.see(q)};
-            const LiveBodyFit::Seen subject{id, &seen};
+            const BodyPosture posture = posture_from_coordinates(q);
+            const LiveBodyFit::Seen subject{id, &seen, tracked_ ? &posture : nullptr};
             fit_->observe(time_ns_, {&subject, 1});
         }
     }
@@ -62,6 +63,7 @@ class LiveBodyFitTest : public ::testing::Test {
         return told_.back();
     }
 
+    bool tracked_ = false;  // the subject, by the pose tracker
     testing::SeenBody scene_{.model = std::make_shared<BodyModel>(default_body_shape(1.60))};
     testing::TemporaryFolder folder_;
     LiveBodyFitOptions options_;
@@ -119,7 +121,26 @@ TEST_F(LiveBodyFitTest, StartsAutomaticallyWithSubject) {
     EXPECT_EQ(fit_->progress().front().state, BodyFitState::kCollecting);
 }
 
-TEST_F(LiveBodyFitTest, FitsPreliminaryBodyToFirstHalfSecond) {
+TEST_F(LiveBodyFitTest, FitsPreliminaryBodiesToTrackedPostures) {
+    options_.automatic = true;
+    options_.automatic_duration_s = 3;
+    tracked_ = true;
+    make();
+    const auto stature_m = [&] { return fit_->body_in_use(1).shape.stature_m; };
+    show(0.1);
+    EXPECT_TRUE(
+        testing::eventually([&] { return std::abs(stature_m() - 1.60) < 0.04; }, std::chrono::minutes(1)))
+        << "one frame set, too little for a search";
+    const BodyFitProgress first = fit_->progress().front();
+    EXPECT_EQ(first.fit->frame_set_count, 1);
+    show(0.8);
+    const auto frame_sets = [&] { return fit_->progress().front().fit->frame_set_count; };
+    EXPECT_TRUE(testing::eventually([&] { return frame_sets() > 4; }, std::chrono::minutes(1)));
+    EXPECT_NEAR(stature_m(), 1.60, 0.03);
+    EXPECT_EQ(fit_->progress().front().state, BodyFitState::kCollecting);
+}
+
+TEST_F(LiveBodyFitTest, SearchesPosturesForPreliminaryBodyWhereNoneAreTracked) {
     options_.automatic = true;
     options_.automatic_duration_s = 3;
     make();
