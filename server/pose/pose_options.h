@@ -130,7 +130,7 @@ void visit_options(T& o, F&& f) {
 // of freedom in the tangent space, here of the difference from the posture that the speed so far predicts.
 // Causal, for a live stream. Measured with tests/accuracy/live.py.
 struct OneEuroOptions {
-    double min_cutoff_hz = 6;
+    double min_cutoff_hz = 18;
     double speed_factor_root = 12;  // added cutoff, Hz per m/s
     double speed_factor_angle = 5;  // added cutoff, Hz per rad/s
     double rate_cutoff_hz = 5;      // of the low pass of the speed

@@ -41,9 +41,9 @@ def capture(arguments, name, sequence, folder, body, out):
     """Copies the recorded poses of one capture to `out`; returns the sequence's frame of each of theirs."""
     arguments.sequence = sequence.resolve()
     pose = f'auto_fit_body = {str(arguments.body == "automatic").lower()}\n'
-    pose += "".join(f"{line}\n" for line in arguments.option)
     if body:
         pose += f'body_file = "{body}"\n'
+    pose += "".join(f"{line}\n" for line in arguments.option)
     daemon = Daemon(arguments, folder, arguments.pacing, RECORDING, loop=False, autostart=False, pose=pose)
     try:
         daemon.client("record", "start", name)
