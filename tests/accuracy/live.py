@@ -3,13 +3,13 @@
 
 usage: live.py [--sequences NAME,... | --scene NAME] [--body fitted|default|automatic] [--pacing as_fast_as_possible|real_time]
                [--spans S,...] [--option LINE] [--daemon PROGRAM] [--client PROGRAM] [--process PROGRAM] [--studio PROGRAM]
-               [--work FOLDER] [--max-ratio N] [--max-silent N]
+               [--work FOLDER] [--tables FOLDER] [--max-ratio N] [--max-silent N]
 
 The daemon captures each sequence as fast as it can and records its poses, which are causal; `kinevox process` reads the same
 session. Columns as in rates.py, "x" is the error over that of `process`. --body: fitted as `kinevox process` found it, the
 default of an average adult, or fitted by the daemon to its first seconds, which takes time: use --pacing real_time.
 --spans 2,5: further rows for the time before 2 s, from there to 5 s, and after. --scene renders scenes/NAME.toml and captures
-that instead. Exit status 77 without the shared test data."""
+that instead. --tables has the results of `kinevox process`, of sequences.py with the same option. Exit status 77 without the shared test data."""
 import argparse
 import shutil
 import subprocess
@@ -61,7 +61,9 @@ def capture(arguments, name, sequence, folder, body, out):
 def one(arguments, name, work):
     folder = rendered(arguments, work) if arguments.scene else data_folder() / "studio" / name
     session, processed = folder / "session.toml", work / name / "processed"
-    if not (processed / "run.toml").exists():
+    if arguments.tables:
+        processed = arguments.tables / name
+    elif not (processed / "run.toml").exists():
         subprocess.run([arguments.process, session, "--out", processed, "--quiet", "--overwrite"], check=True)
     fps = Session(session).fps
     offline = measure(folder / "truth", fps, processed)
@@ -92,6 +94,7 @@ def main():
     parser.add_argument("--spans", type=lambda text: [float(s) for s in text.split(",")], default=[])
     parser.add_argument("--option", action="append", default=[], help="Line of the configuration's [pose], repeatable")
     parser.add_argument("--work", type=Path, help="Keep the results there, and reuse those of `kinevox process`")
+    parser.add_argument("--tables", type=Path)
     parser.add_argument("--max-ratio", type=float, default=np.inf)
     parser.add_argument("--max-silent", type=float, default=np.inf)
     arguments = parser.parse_args()
