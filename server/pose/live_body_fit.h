@@ -106,6 +106,7 @@ class LiveBodyFit {
         std::optional<BodyPosture> posture;
     };
     using Frames = std::vector<Frame>;
+    static constexpr std::size_t kMaxSubjects = 64;  // remembered, gone ones included
     static std::vector<const PoseObservation*> observations_of(const Frames& frames);
     using Cameras = std::shared_ptr<const std::vector<Camera>>;  // the frames point into them
     struct ToFit {

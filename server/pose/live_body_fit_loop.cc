@@ -1,0 +1,151 @@
+// The threads of LiveBodyFit: they fit what it has collected.
+#include <fmt/format.h>
+#include <oneapi/tbb/task_arena.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "server/pose/live_body_fit.h"
+
+namespace kinevox {
+namespace {
+
+// Of a preliminary fit, which must be there soon.
+constexpr int kPreliminaryFrames = 8, kPreliminarySteps = 6;
+// Where the tracker finds no postures, they are searched, in frame sets of at least this time.
+constexpr int kSearchRounds = 1, kSearchSizeFrames = 2;
+constexpr std::int64_t kMinSearched_ns = 400'000'000;
+
+void set_fit(const BodyFit& fit, BodyFitProgress& progress) {
+    progress.body = fit.shape;
+    progress.fit = fit;
+    progress.stored_path.clear();
+    progress.message =
+        fmt::format("stature {:.2f} m, fitted to {} frame sets, contour residual {:.0f} mm",
+                    fit.shape.stature_m, fit.frame_set_count, 1000 * fit.contour_residual_rms_m);
+}
+
+// Whether two fits can be of one person.
+bool may_be_same_person(const BodyFit& a, const BodyFit& b) {
+    constexpr double kMaxStds = 3;
+    const auto near = [](double difference, double std_a, double std_b) {
+        return std::abs(difference) <= kMaxStds * std::hypot(std_a, std_b);
+    };
+    for (int k = 0; k < kBodyLengthCount; ++k)
+        if (!near(a.shape.lengths_m[k] - b.shape.lengths_m[k], a.lengths_std_m[k], b.lengths_std_m[k]))
+            return false;
+    return near(a.shape.stature_m - b.shape.stature_m, a.stature_std_m, b.stature_std_m);
+}
+
+}  // namespace
+
+std::vector<const PoseObservation*> LiveBodyFit::observations_of(const Frames& frames) {
+    std::vector<const PoseObservation*> seen;
+    for (const Frame& frame : frames) seen.push_back(frame.seen.get());
+    return seen;
+}
+
+void LiveBodyFit::fit_loop(bool preliminary) {
+    oneapi::tbb::task_arena alone(1);  // not the pipeline's workers
+    while (true) {
+        std::unique_lock lock(mutex_);
+        auto next = to_fit_.end();
+        changed_.wait(lock, [&] {
+            next = std::ranges::find(to_fit_, preliminary, &ToFit::preliminary);
+            return closed_ || next != to_fit_.end();
+        });
+        if (closed_) return;
+        const ToFit job = std::move(*next);
+        to_fit_.erase(next);
+        lock.unlock();
+        alone.execute([&] { fit(job); });
+    }
+}
+
+// To the tracked postures; if most are missing, as with a body of another size, a short search.
+std::optional<BodyFit> LiveBodyFit::fit_preliminary(const ToFit& job) const {
+    BodyFitOptions fitting = options_.fit;
+    std::vector<ObservedPosture> posed;
+    for (const Frame& frame : job.frames)
+        if (frame.posture) posed.push_back({frame.seen.get(), *frame.posture});
+    if (2 * posed.size() >= job.frames.size()) {
+        fitting.max_frames = std::min(fitting.max_frames, kPreliminaryFrames);
+        fitting.steps = std::min(fitting.steps, kPreliminarySteps);
+        return fit_lengths(posed, job.start, posing_, fitting, job.stop);
+    }
+    const std::int64_t seen_ns = job.frames.back().seen->time_ns - job.frames.front().seen->time_ns;
+    if (seen_ns < kMinSearched_ns) return std::nullopt;
+    fitting.rounds = kSearchRounds, fitting.size_frames = kSearchSizeFrames;
+    auto fitted =
+        fit_body(*job.cameras, fps_, observations_of(job.frames), posing_.body, posing_, fitting, job.stop);
+    return fitted.ok() ? std::optional(*std::move(fitted)) : std::nullopt;
+}
+
+void LiveBodyFit::fit(const ToFit& job) {
+    if (job.preliminary) {
+        if (use_preliminary(job, fit_preliminary(job))) report({});
+        return;
+    }
+    const auto show = [&](double progress) {
+        {
+            const std::scoped_lock lock(mutex_);
+            if (job.stop.stop_requested()) return;
+            double& shown = subjects_.at(job.key).progress.progress;
+            const bool same = static_cast<int>(10 * progress) == static_cast<int>(10 * shown);
+            shown = progress;
+            if (same) return;
+        }
+        report({});
+    };
+    const auto fitted = fit_body(*job.cameras, fps_, observations_of(job.frames), posing_.body, posing_,
+                                 options_.fit, job.stop, show);
+    // Stores before applying, so that the active body is always on disk.
+    absl::Status stored;
+    if (fitted.ok() && job.store) stored = write_body_shape(fitted->shape, options_.file);
+    Ended ended;
+    {
+        const std::scoped_lock lock(mutex_);
+        if (job.stop.stop_requested()) return;  // superseded by another fit
+        Subject& subject = subjects_.at(job.key);
+        if (!fitted.ok()) {
+            fail(subject, std::string(fitted.status().message()), ended);
+        } else {
+            BodyFitProgress& progress = subject.progress;
+            subject.attempts_left = 0;
+            subject.awaits_refit = subject.is_preliminary = false;
+            progress.state = BodyFitState::kReady;
+            progress.progress = 1;
+            set_fit(*fitted, progress);
+            if (job.store && stored.ok()) progress.stored_path = options_.file;
+            if (job.store)
+                progress.message += stored.ok() ? "; stored in " + options_.file.string()
+                                                : "; cannot be stored: " + std::string(stored.message());
+            if (lone_id_ != 0 && !progress.requested) {
+                lone_fits_.insert_or_assign(lone_id_, progress);
+                if (lone_fits_.size() > kMaxSubjects) lone_fits_.erase(lone_fits_.begin());  // ids ascend
+            }
+            ended.push_back(progress);
+        }
+    }
+    report(ended);
+}
+
+// A fitted body of the same person stays in use: it is of more frame sets.
+bool LiveBodyFit::use_preliminary(const ToFit& job, const std::optional<BodyFit>& fit) {
+    const std::scoped_lock lock(mutex_);
+    if (job.stop.stop_requested()) return false;
+    Subject& subject = subjects_.at(job.key);
+    subject.preliminary_runs = false;
+    begin_preliminary(job.key);
+    if (!fit) return false;
+    BodyFitProgress& progress = subject.progress;
+    const bool replaced = std::exchange(subject.awaits_refit, false);
+    const bool is_of_more = progress.fit && !subject.is_preliminary;
+    if (!replaced && is_of_more && may_be_same_person(*fit, *progress.fit)) return false;
+    subject.is_preliminary = true;
+    set_fit(*fit, progress);
+    return true;
+}
+
+}  // namespace kinevox
