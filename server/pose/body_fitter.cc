@@ -322,6 +322,7 @@ BodyShape start_of_right_size(const std::vector<Camera>& cameras, double fps,
     oneapi::tbb::parallel_for(std::size_t{0}, costs.size(), [&](std::size_t k) {
         if (stop.stop_requested()) return;
         PoseStageOptions sized = posing;
+        sized.tracker.search_at_start = !options.quick;
         sized.body = scaled(start, kStartScales[k / tried.size()]);
         PoseStage stage(cameras, fps, sized);
         const PoseObservation& seen = *tried[k % tried.size()];
@@ -467,7 +468,7 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
         stage_options.tracker.lost_explained_fraction = options.min_explained_fraction;
         // The last round takes the path through the whole recording: a limb lost for a while would be fitted,
         // too.
-        const bool last = round + 1 == options.rounds;
+        const bool last = round + 1 == options.rounds && !options.quick;
         const auto report = [&](double fraction) {
             if (progress) progress((round + 0.8 * fraction) / options.rounds);
         };

@@ -17,7 +17,11 @@ constexpr double kMaxFrames =
 constexpr double kMaxWait_s = 20;     // for a subject after a request
 constexpr double kReportGone_s = 60;  // whether a requested fit succeeded
 constexpr int kAttempts = 3;          // automatic ones
-constexpr int kNicer = 5;             // than the pipeline's threads: a third of a busy core
+// Preliminary fits that may search postures: not the first, which must be there soon, nor later ones, since
+// silhouettes of a poor background never fit.
+constexpr double kUnsettledStd_fraction = 0.5;  // of the initial body's standard deviation
+constexpr int kFirstSearch = 2, kLastSearch = 3;
+constexpr int kNicer = 5;  // than the pipeline's threads: a third of a busy core
 
 double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
     return 1e-9 * static_cast<double>(to_ns - from_ns);
@@ -281,9 +285,12 @@ void LiveBodyFit::begin_preliminary(std::uint32_t key) {
     const double collected_s = seconds_between(*collecting.first_ns, *collecting.last_ns);
     const auto due =
         static_cast<std::size_t>(std::ranges::upper_bound(times_s, collected_s) - times_s.begin());
-    if (due <= collecting.preliminary_count) return;
-    collecting.preliminary_count = due;
+    if (due <= collecting.preliminary_times) return;
+    collecting.preliminary_times = due;
     enqueue(key, collecting.frames, true);
+    const int count = ++collecting.preliminary_count;
+    to_fit_.back().is_first = count == 1;
+    to_fit_.back().may_search = count >= kFirstSearch && count <= kLastSearch;
 }
 
 void LiveBodyFit::enqueue(std::uint32_t key, Frames frames, bool preliminary) {
@@ -292,8 +299,8 @@ void LiveBodyFit::enqueue(std::uint32_t key, Frames frames, bool preliminary) {
     subject.stop = std::stop_source();
     subject.preliminary_runs = preliminary;
     const bool store = subject.progress.requested && !options_.file.empty();
-    to_fit_.push_back({key, cameras_, std::move(frames), subject.progress.body, preliminary, store,
-                       subject.stop.get_token()});
+    to_fit_.push_back({key, cameras_, std::move(frames), subject.progress.body, preliminary, false, false,
+                       store, subject.stop.get_token()});
     changed_.notify_all();
 }
 
@@ -323,7 +330,10 @@ void LiveBodyFit::undo_refit() {
             const std::uint32_t id = subject.progress.subject_id;
             subject.progress = *std::exchange(subject.before_refit, std::nullopt);
             subject.progress.subject_id = id;
-            subject.attempts_left = subject.progress.state == BodyFitState::kReady ? 0 : kAttempts;
+            const bool is_ready = subject.progress.state == BodyFitState::kReady;
+            subject.attempts_left = is_ready ? 0 : kAttempts;
+            subject.is_preliminary = !is_ready;
+            subject.is_unsettled = false;
         }
     }
     report({});
@@ -341,7 +351,8 @@ BodyInUse LiveBodyFit::body_in_use(std::uint32_t subject_id) const {
     const auto found = subjects_.find(options_.several_subjects ? subject_id : 0);
     if (found == subjects_.end() || !found->second.progress.fit) return posing_.initial_body();
     const BodyFit& fit = *found->second.progress.fit;
-    return {fit.shape, fit.standing_m};
+    return {fit.shape, fit.standing_m,
+            found->second.is_unsettled ? kUnsettledStd_fraction * posing_.body_std_m : 0};
 }
 
 // With the mutex held.

@@ -115,13 +115,16 @@ class LiveBodyFit {
         Frames frames;
         BodyShape start;
         bool preliminary = false;  // more frames of the same subject are being collected
+        bool may_search = false;   // of a preliminary one
+        bool is_first = false;     // of these
         bool store = false;
         std::stop_token stop;
     };
     struct Collecting {
         double seconds = 0;
         bool requested = false;
-        std::size_t preliminary_count = 0;  // of the fits begun
+        std::size_t preliminary_times = 0;  // passed, of the options'
+        int preliminary_count = 0;          // of the fits begun
         // Capture times of the request and of the first and latest observation kept.
         std::optional<std::int64_t> requested_ns, first_ns, last_ns;
         Frames frames;
@@ -134,6 +137,7 @@ class LiveBodyFit {
         int attempts_left = 0;  // automatic ones
         std::optional<std::int64_t> gone_since_ns;
         bool is_preliminary = false;    // the body in use
+        bool is_unsettled = false;      // it is the first preliminary one
         bool preliminary_runs = false;  // or waits to run
         bool awaits_refit = false;      // the next preliminary body replaces even that of the same person
         std::optional<BodyFitProgress> before_refit;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <utility>
 
 #include "server/pose/live_body_fit.h"
@@ -13,9 +14,10 @@ namespace {
 
 // Of a preliminary fit, which must be there soon.
 constexpr int kPreliminaryFrames = 8, kPreliminarySteps = 6;
-// Where the tracker finds no postures, they are searched, in frame sets of at least this time.
-constexpr int kSearchRounds = 1, kSearchSizeFrames = 2;
-constexpr std::int64_t kMinSearched_ns = 400'000'000;
+// Preliminary bodies of the right size have 8 to 20 mm, of a wrong one 22 to 31.
+constexpr double kMaxResidual_m = 0.019, kClearlyBetter = 0.8;
+constexpr int kSearchRounds = 1, kSearchSizeFrames = 1;
+constexpr std::size_t kSearchFrames = 4;
 
 void set_fit(const BodyFit& fit, BodyFitProgress& progress) {
     progress.body = fit.shape;
@@ -63,23 +65,28 @@ void LiveBodyFit::fit_loop(bool preliminary) {
     }
 }
 
-// To the tracked postures; if most are missing, as with a body of another size, a short search.
+// To the tracked postures. If most are missing or the body does not fit, as if it had another size, postures
+// and size are searched.
 std::optional<BodyFit> LiveBodyFit::fit_preliminary(const ToFit& job) const {
     BodyFitOptions fitting = options_.fit;
+    fitting.max_frames = std::min(fitting.max_frames, kPreliminaryFrames);
+    fitting.steps = std::min(fitting.steps, kPreliminarySteps);
     std::vector<ObservedPosture> posed;
     for (const Frame& frame : job.frames)
         if (frame.posture) posed.push_back({frame.seen.get(), *frame.posture});
-    if (2 * posed.size() >= job.frames.size()) {
-        fitting.max_frames = std::min(fitting.max_frames, kPreliminaryFrames);
-        fitting.steps = std::min(fitting.steps, kPreliminarySteps);
-        return fit_lengths(posed, job.start, posing_, fitting, job.stop);
-    }
-    const std::int64_t seen_ns = job.frames.back().seen->time_ns - job.frames.front().seen->time_ns;
-    if (seen_ns < kMinSearched_ns) return std::nullopt;
-    fitting.rounds = kSearchRounds, fitting.size_frames = kSearchSizeFrames;
-    auto fitted =
-        fit_body(*job.cameras, fps_, observations_of(job.frames), posing_.body, posing_, fitting, job.stop);
-    return fitted.ok() ? std::optional(*std::move(fitted)) : std::nullopt;
+    std::optional<BodyFit> tracked;
+    if (2 * posed.size() >= job.frames.size())
+        tracked = fit_lengths(posed, job.start, posing_, fitting, job.stop);
+    if (!job.may_search || (tracked && tracked->contour_residual_rms_m < kMaxResidual_m)) return tracked;
+    fitting.rounds = kSearchRounds, fitting.size_frames = kSearchSizeFrames, fitting.quick = true;
+    const std::vector<const PoseObservation*> all = observations_of(job.frames);
+    const auto latest = std::span(all).last(std::min(all.size(), kSearchFrames));
+    const auto searched = fit_body(*job.cameras, fps_, latest, tracked ? tracked->shape : posing_.body,
+                                   posing_, fitting, job.stop);
+    const bool is_better =
+        searched.ok() &&
+        (!tracked || searched->contour_residual_rms_m < kClearlyBetter * tracked->contour_residual_rms_m);
+    return is_better ? std::optional(*searched) : tracked;
 }
 
 void LiveBodyFit::fit(const ToFit& job) {
@@ -113,7 +120,7 @@ void LiveBodyFit::fit(const ToFit& job) {
         } else {
             BodyFitProgress& progress = subject.progress;
             subject.attempts_left = 0;
-            subject.awaits_refit = subject.is_preliminary = false;
+            subject.awaits_refit = subject.is_preliminary = subject.is_unsettled = false;
             progress.state = BodyFitState::kReady;
             progress.progress = 1;
             set_fit(*fitted, progress);
@@ -144,6 +151,7 @@ bool LiveBodyFit::use_preliminary(const ToFit& job, const std::optional<BodyFit>
     const bool is_of_more = progress.fit && !subject.is_preliminary;
     if (!replaced && is_of_more && may_be_same_person(*fit, *progress.fit)) return false;
     subject.is_preliminary = true;
+    subject.is_unsettled = job.is_first;
     set_fit(*fit, progress);
     return true;
 }

@@ -72,6 +72,7 @@ struct PoseTrackerOptions {
     double drop_cost_ratio = 1.35;  // hypotheses with this multiple of the best cost are dropped at once
     double search_explained_fraction =
         0.9;                           // explained fraction of the contour below which limbs are searched
+    bool search_at_start = true;       // limbs of a pose that was just found
     bool always_search_limbs = false;  // below that always; false: only if less than usual is explained
     // Interval of frame sets from which limbs move farther between two of them than a fit finds: every limb
     // and pair is then searched in each frame set. There is the time for it.
@@ -201,10 +202,11 @@ void visit_options(T& o, F&& f) {
 }
 
 struct BodyFitOptions {
-    int max_frames = 40;              // maximum number used, evenly chosen
-    int size_frames = 4;              // in which bodies of several sizes are tried first
-    int rounds = 2;                   // of tracking and fitting
-    int steps = 10;                   // each with a wide and a narrow kernel
+    int max_frames = 40;  // maximum number used, evenly chosen
+    int size_frames = 4;  // in which bodies of several sizes are tried first
+    int rounds = 2;       // of tracking and fitting
+    bool quick = false;   // takes postures as they are tracked, and does not search limbs to compare sizes
+    int steps = 10;       // each with a wide and a narrow kernel
     double independent_frames = 4;    // maximum effective number of independent frames
     double stature_std_m = 0.12;      // around the mean adult
     std::optional<double> stature_m;  // measured

@@ -136,6 +136,7 @@ void PoseTracker::begin(std::span<const SilhouetteRays> views, Vec3 centre,
         h.cost = h.fit.at.cost;
     });
     choose();
+    if (!options_.search_at_start) return;
     in_parallel(hypotheses_.size(), [&](Workspace& work, std::size_t n) {
         Hypothesis& h = hypotheses_[n];
         for (int round = 0; round < 2; ++round)

@@ -6,8 +6,10 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <optional>
 
 #include "common/geometry.h"
+#include "server/pose/pose_tracker.h"
 #include "tests/support/patience.h"
 #include "tests/support/seen_body.h"
 #include "tests/support/temporary_folder.h"
@@ -48,8 +50,11 @@ class LiveBodyFitTest : public ::testing::Test {
             BodyCoordinates q = scene_.t_pose();
             q[kDofShoulderL + 1] += radians(n % 7);
             PoseObservation seen{time_ns_, {0, 0, 0.95}, scene_.see(q)};
-            const BodyPosture posture = posture_from_coordinates(q);
-            const LiveBodyFit::Seen subject{id, &seen, tracked_ ? &posture : nullptr};
+            std::optional<BodyPosture> posture;
+            if (tracker_)
+                if (const auto tracked = tracker_->update(time_ns_, seen.views, seen.centre_in_world, {}))
+                    posture = tracked->fit.posture;
+            const LiveBodyFit::Seen subject{id, &seen, posture ? &*posture : nullptr};
             fit_->observe(time_ns_, {&subject, 1});
         }
     }
@@ -63,7 +68,7 @@ class LiveBodyFitTest : public ::testing::Test {
         return told_.back();
     }
 
-    bool tracked_ = false;  // the subject, by the pose tracker
+    std::optional<PoseTracker> tracker_;  // with an average body
     testing::SeenBody scene_{.model = std::make_shared<BodyModel>(default_body_shape(1.60))};
     testing::TemporaryFolder folder_;
     LiveBodyFitOptions options_;
@@ -124,7 +129,7 @@ TEST_F(LiveBodyFitTest, StartsAutomaticallyWithSubject) {
 TEST_F(LiveBodyFitTest, FitsPreliminaryBodiesToTrackedPostures) {
     options_.automatic = true;
     options_.automatic_duration_s = 3;
-    tracked_ = true;
+    tracker_.emplace(10);
     make();
     const auto stature_m = [&] { return fit_->body_in_use(1).shape.stature_m; };
     show(0.1);
@@ -138,6 +143,23 @@ TEST_F(LiveBodyFitTest, FitsPreliminaryBodiesToTrackedPostures) {
     EXPECT_TRUE(testing::eventually([&] { return frame_sets() > 4; }, std::chrono::minutes(1)));
     EXPECT_NEAR(stature_m(), 1.60, 0.03);
     EXPECT_EQ(fit_->progress().front().state, BodyFitState::kCollecting);
+}
+
+TEST_F(LiveBodyFitTest, SearchesSizeForPreliminaryBodyThatDoesNotFit) {
+    scene_.model = std::make_shared<BodyModel>(default_body_shape(1.15));
+    options_.automatic = true;
+    options_.automatic_duration_s = 3;
+    tracker_.emplace(10);
+    make();
+    show(0.1);
+    EXPECT_TRUE(testing::eventually([&] { return fit_->progress().front().fit.has_value(); },
+                                    std::chrono::minutes(1)));
+    EXPECT_GT(fit_->body_in_use(1).std_m, 0) << "not settled";
+    show(0.4);
+    const auto stature_m = [&] { return fit_->body_in_use(1).shape.stature_m; };
+    EXPECT_TRUE(
+        testing::eventually([&] { return std::abs(stature_m() - 1.15) < 0.05; }, std::chrono::minutes(2)));
+    EXPECT_EQ(fit_->body_in_use(1).std_m, 0);
 }
 
 TEST_F(LiveBodyFitTest, SearchesPosturesForPreliminaryBodyWhereNoneAreTracked) {
