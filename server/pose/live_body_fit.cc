@@ -17,11 +17,11 @@ constexpr double kMaxFrames =
 constexpr double kMaxWait_s = 20;     // for a subject after a request
 constexpr double kReportGone_s = 60;  // whether a requested fit succeeded
 constexpr int kAttempts = 3;          // automatic ones
+constexpr int kNicer = 5;             // than the pipeline's threads: a third of a busy core
 // Preliminary fits that may search postures: not the first, which must be there soon, nor later ones, since
 // silhouettes of a poor background never fit.
-constexpr double kUnsettledStd_fraction = 0.5;  // of the initial body's standard deviation
 constexpr int kFirstSearch = 2, kLastSearch = 3;
-constexpr int kNicer = 5;  // than the pipeline's threads: a third of a busy core
+constexpr double kUnsettledStd_fraction = 0.5;  // of the initial body's standard deviation
 
 double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
     return 1e-9 * static_cast<double>(to_ns - from_ns);
@@ -299,8 +299,13 @@ void LiveBodyFit::enqueue(std::uint32_t key, Frames frames, bool preliminary) {
     subject.stop = std::stop_source();
     subject.preliminary_runs = preliminary;
     const bool store = subject.progress.requested && !options_.file.empty();
-    to_fit_.push_back({key, cameras_, std::move(frames), subject.progress.body, preliminary, false, false,
-                       store, subject.stop.get_token()});
+    to_fit_.push_back({.key = key,
+                       .cameras = cameras_,
+                       .frames = std::move(frames),
+                       .start = subject.progress.body,
+                       .preliminary = preliminary,
+                       .store = store,
+                       .stop = subject.stop.get_token()});
     changed_.notify_all();
 }
 

@@ -15,7 +15,7 @@ namespace {
 // Of a preliminary fit, which must be there soon.
 constexpr int kPreliminaryFrames = 8, kPreliminarySteps = 6;
 // Preliminary bodies of the right size have 8 to 20 mm, of a wrong one 22 to 31.
-constexpr double kMaxResidual_m = 0.019, kClearlyBetter = 0.8;
+constexpr double kFittingResidual_m = 0.019, kSearchedFraction = 0.8;
 constexpr int kSearchRounds = 1, kSearchSizeFrames = 1;
 constexpr std::size_t kSearchFrames = 4;
 
@@ -77,7 +77,7 @@ std::optional<BodyFit> LiveBodyFit::fit_preliminary(const ToFit& job) const {
     std::optional<BodyFit> tracked;
     if (2 * posed.size() >= job.frames.size())
         tracked = fit_lengths(posed, job.start, posing_, fitting, job.stop);
-    if (!job.may_search || (tracked && tracked->contour_residual_rms_m < kMaxResidual_m)) return tracked;
+    if (!job.may_search || (tracked && tracked->contour_residual_rms_m < kFittingResidual_m)) return tracked;
     fitting.rounds = kSearchRounds, fitting.size_frames = kSearchSizeFrames, fitting.quick = true;
     const std::vector<const PoseObservation*> all = observations_of(job.frames);
     const auto latest = std::span(all).last(std::min(all.size(), kSearchFrames));
@@ -85,7 +85,7 @@ std::optional<BodyFit> LiveBodyFit::fit_preliminary(const ToFit& job) const {
                                    posing_, fitting, job.stop);
     const bool is_better =
         searched.ok() &&
-        (!tracked || searched->contour_residual_rms_m < kClearlyBetter * tracked->contour_residual_rms_m);
+        (!tracked || searched->contour_residual_rms_m < kSearchedFraction * tracked->contour_residual_rms_m);
     return is_better ? std::optional(*searched) : tracked;
 }
 
@@ -144,16 +144,20 @@ bool LiveBodyFit::use_preliminary(const ToFit& job, const std::optional<BodyFit>
     if (job.stop.stop_requested()) return false;
     Subject& subject = subjects_.at(job.key);
     subject.preliminary_runs = false;
-    begin_preliminary(job.key);
-    if (!fit) return false;
     BodyFitProgress& progress = subject.progress;
-    const bool replaced = std::exchange(subject.awaits_refit, false);
-    const bool is_of_more = progress.fit && !subject.is_preliminary;
-    if (!replaced && is_of_more && may_be_same_person(*fit, *progress.fit)) return false;
-    subject.is_preliminary = true;
-    subject.is_unsettled = job.is_first;
-    set_fit(*fit, progress);
-    return true;
+    const auto keeps_body = [&] {
+        const bool is_of_more = progress.fit && !subject.is_preliminary;
+        return !subject.awaits_refit && is_of_more && may_be_same_person(*fit, *progress.fit);
+    };
+    const bool used = fit && !keeps_body();
+    if (used) {
+        subject.is_preliminary = true;
+        subject.is_unsettled = job.is_first;
+        set_fit(*fit, progress);
+    }
+    if (fit) subject.awaits_refit = false;
+    begin_preliminary(job.key);  // from that body
+    return used;
 }
 
 }  // namespace kinevox

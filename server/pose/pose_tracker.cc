@@ -43,8 +43,6 @@ constexpr double kPairSeconds = 1;
 // The body that faces the other way is fitted, too, at these intervals. Its decrease of the cost is summed,
 // and the sum decays by this factor per interval; beyond the limit it replaces the tracked one.
 constexpr double kTurnInterval_s = 0.15, kTurnMemory = 0.85, kTurnEvidence = 60;
-// Contour residual of a doubtful posture, and the time with it until another one is searched.
-constexpr double kDoubtful_m = 0.019, kFirstDoubt_s = 0.15, kMaxDoubt_s = 20;
 // A mirrored elbow is fitted unless it costs more by this before the fit.
 constexpr double kMirroredSlack = 10;
 constexpr double kSame_m = 0.06;  // hypotheses with a smaller mean joint distance are merged
@@ -313,31 +311,6 @@ void PoseTracker::check_turned(Hypothesis& h, std::span<const SilhouetteRays> vi
     usual_explained_ = 0;
 }
 
-// A body that is far from its contours for a while may be in another posture altogether. Doubled waiting
-// times, since silhouettes of a poor background never fit.
-void PoseTracker::search_in_doubt(std::span<const SilhouetteRays> views, Vec3 centre,
-                                  std::span<const PoseCandidate> candidates, double seconds) {
-    if (hypotheses_.front().fit.contour_residual_rms_m < kDoubtful_m) {
-        doubt_s_ = 0, doubt_wait_s_ = kFirstDoubt_s;
-        return;
-    }
-    doubt_s_ += seconds;
-    if (doubt_s_ < doubt_wait_s_ || shows_others(views)) return;
-    doubt_s_ = 0;
-    std::vector<Hypothesis> tracked = std::move(hypotheses_);
-    const PoseFit stayed =
-        workspaces_.front().fitter.fit(*model_, views, tracked.front().posture, nullptr, false);
-    begin(views, centre, candidates);
-    if (hypotheses_.front().fit.at.cost + kClearlyBetter < stayed.at.cost) {
-        hypotheses_.front().replaced.push_back(tracked.front().posture);
-        doubt_wait_s_ = kFirstDoubt_s;
-        usual_explained_ = 0;
-    } else {
-        hypotheses_ = std::move(tracked);
-        doubt_wait_s_ = std::min(2 * doubt_wait_s_, kMaxDoubt_s);
-    }
-}
-
 void PoseTracker::choose() {
     std::stable_sort(hypotheses_.begin(), hypotheses_.end(),
                      [](const Hypothesis& a, const Hypothesis& b) { return a.cost < b.cost; });
@@ -399,7 +372,6 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
         lost_s_ = usual_explained_ = 0;
         usual_interval_s_ = seconds;
         turn_wait_s_ = kTurnInterval_s, turn_evidence_ = 0;
-        doubt_s_ = 0, doubt_wait_s_ = kFirstDoubt_s;
     } else {
         for (Hypothesis& h : hypotheses_) follow(h, views, seconds);
         // A search of a whole limb takes as long as several fits: it runs only if less is explained than
@@ -418,7 +390,6 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
         }
         check_turned(best, views, seconds);
         choose();
-        search_in_doubt(views, centre, candidates, seconds);
         usual_interval_s_ = kIntervalMemory * usual_interval_s_ + (1 - kIntervalMemory) * seconds;
     }
     last_time_ns_ = time_ns;

@@ -82,8 +82,6 @@ class PoseTracker {
                    const std::optional<BodyPosture>& moved, double gain);
     static void replace(Hypothesis& hypothesis, PoseFit fit);
     void check_turned(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, double seconds);
-    void search_in_doubt(std::span<const SilhouetteRays> views, Vec3 centre,
-                         std::span<const PoseCandidate> candidates, double seconds);
     void choose();
     TrackedPosture best() const;
 
@@ -98,7 +96,6 @@ class PoseTracker {
     double usual_explained_ = 0;
     double usual_interval_s_ = 0;
     double turn_wait_s_ = 0, turn_evidence_ = 0;  // of check_turned()
-    double doubt_s_ = 0, doubt_wait_s_ = 0;       // of search_in_doubt()
     std::vector<Hypothesis> hypotheses_;          // the best one first
     std::int64_t last_time_ns_ = 0;
     double lost_s_ = 0;
