@@ -142,8 +142,7 @@ void visit_options(T& o, F&& f) {
     f({"enabled", 0, 1, "", "Joints and angles; false: the capture stops at the volume."}, o.enabled);
     f({"auto_fit_body", 0, 1, "",
        "Without body_file: fit a body to each person from the first frame sets on, and again to the first "
-       "six "
-       "seconds, in the background."},
+       "six seconds, in the background."},
       o.auto_fit_body);
     f({"library_pose_count", 1, 4000, "", "Number of library poses."}, o.library_pose_count);
 }

@@ -468,13 +468,13 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
         stage_options.tracker.lost_explained_fraction = options.min_explained_fraction;
         // The last round takes the path through the whole recording: a limb lost for a while would be fitted,
         // too.
-        const bool last = round + 1 == options.rounds && !options.quick;
+        const bool along_path = round + 1 == options.rounds && !options.quick;
         const auto report = [&](double fraction) {
             if (progress) progress((round + 0.8 * fraction) / options.rounds);
         };
         const std::vector<ObservedPosture> posed =
-            last ? postures_on_path(cameras, fps, frames, stage_options, stop)
-                 : tracked_postures(cameras, fps, frames, stage_options, stop, report);
+            along_path ? postures_on_path(cameras, fps, frames, stage_options, stop)
+                       : tracked_postures(cameras, fps, frames, stage_options, stop, report);
         if (stop.stop_requested()) return absl::CancelledError("the body fit was cancelled");
         if (posed.empty())
             return absl::FailedPreconditionError(fmt::format(

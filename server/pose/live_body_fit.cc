@@ -14,13 +14,10 @@ namespace {
 constexpr double kMaxRate_hz = 30;
 constexpr double kMaxFrames =
     80;  // maximum number kept; each takes 0.3 MB and 50 ms of one core with four cameras
-constexpr double kMaxWait_s = 20;     // for a subject after a request
-constexpr double kReportGone_s = 60;  // whether a requested fit succeeded
-constexpr int kAttempts = 3;          // automatic ones
-constexpr int kNicer = 5;             // than the pipeline's threads: a third of a busy core
-// Preliminary fits that may search postures: not the first, which must be there soon, nor later ones, since
-// silhouettes of a poor background never fit.
-constexpr int kFirstSearch = 2, kLastSearch = 3;
+constexpr double kMaxWait_s = 20;               // for a subject after a request
+constexpr double kReportGone_s = 60;            // whether a requested fit succeeded
+constexpr int kAttempts = 3;                    // automatic ones
+constexpr int kNicer = 5;                       // than the pipeline's threads: a third of a busy core
 constexpr double kUnsettledStd_fraction = 0.5;  // of the initial body's standard deviation
 
 double seconds_between(std::int64_t from_ns, std::int64_t to_ns) {
@@ -269,7 +266,7 @@ void LiveBodyFit::keep(std::uint32_t key, std::int64_t time_ns, const Seen& seen
     const double collected_s = seconds_between(*collecting.first_ns, time_ns);
     subject.progress.progress = std::clamp(collected_s / collecting.seconds, 0.0, 1.0);
     if (subject.progress.progress < 1) return begin_preliminary(key);
-    enqueue(key, std::move(collecting.frames), false);
+    enqueue(key, std::move(collecting.frames), 0);
     subject.collecting.reset();
     subject.progress.state = BodyFitState::kFitting;
     subject.progress.progress = 0;
@@ -287,17 +284,14 @@ void LiveBodyFit::begin_preliminary(std::uint32_t key) {
         static_cast<std::size_t>(std::ranges::upper_bound(times_s, collected_s) - times_s.begin());
     if (due <= collecting.preliminary_times) return;
     collecting.preliminary_times = due;
-    enqueue(key, collecting.frames, true);
-    const int count = ++collecting.preliminary_count;
-    to_fit_.back().is_first = count == 1;
-    to_fit_.back().may_search = count >= kFirstSearch && count <= kLastSearch;
+    enqueue(key, collecting.frames, ++collecting.preliminary_count);
 }
 
-void LiveBodyFit::enqueue(std::uint32_t key, Frames frames, bool preliminary) {
+void LiveBodyFit::enqueue(std::uint32_t key, Frames frames, int preliminary) {
     cancel(key);  // a preliminary fit that is still running
     Subject& subject = subject_of(key);
     subject.stop = std::stop_source();
-    subject.preliminary_runs = preliminary;
+    subject.preliminary_runs = preliminary > 0;
     const bool store = subject.progress.requested && !options_.file.empty();
     to_fit_.push_back({.key = key,
                        .cameras = cameras_,

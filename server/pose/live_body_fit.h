@@ -114,9 +114,9 @@ class LiveBodyFit {
         Cameras cameras;
         Frames frames;
         BodyShape start;
-        bool preliminary = false;  // more frames of the same subject are being collected
-        bool may_search = false;   // of a preliminary one
-        bool is_first = false;     // of these
+        // 1, 2, ...: a preliminary fit, more frames of the same subject are being collected; 0: of all
+        // frames.
+        int preliminary = 0;
         bool store = false;
         std::stop_token stop;
     };
@@ -150,7 +150,7 @@ class LiveBodyFit {
     void fail(Subject& subject, std::string message, Ended& ended);
     void keep(std::uint32_t key, std::int64_t time_ns, const Seen& seen);
     void begin_preliminary(std::uint32_t key);
-    void enqueue(std::uint32_t key, Frames frames, bool preliminary);
+    void enqueue(std::uint32_t key, Frames frames, int preliminary);
     bool restart();
     Subject& subject_of(std::uint32_t key);
     bool observe_one(std::uint32_t key, std::int64_t time_ns, const Seen& seen, Ended& ended);

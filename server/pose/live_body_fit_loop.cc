@@ -16,6 +16,9 @@ namespace {
 constexpr int kPreliminaryFrames = 8, kPreliminarySteps = 6;
 // Preliminary bodies of the right size have 8 to 20 mm, of a wrong one 22 to 31.
 constexpr double kFittingResidual_m = 0.019, kSearchedFraction = 0.8;
+// Those that may search postures: not the first, which must be there soon, nor later ones, since silhouettes
+// of a poor background never fit.
+constexpr int kFirstSearch = 2, kLastSearch = 3;
 constexpr int kSearchRounds = 1, kSearchSizeFrames = 1;
 constexpr std::size_t kSearchFrames = 4;
 
@@ -54,7 +57,8 @@ void LiveBodyFit::fit_loop(bool preliminary) {
         std::unique_lock lock(mutex_);
         auto next = to_fit_.end();
         changed_.wait(lock, [&] {
-            next = std::ranges::find(to_fit_, preliminary, &ToFit::preliminary);
+            next = std::ranges::find_if(
+                to_fit_, [&](const ToFit& job) { return (job.preliminary > 0) == preliminary; });
             return closed_ || next != to_fit_.end();
         });
         if (closed_) return;
@@ -77,7 +81,8 @@ std::optional<BodyFit> LiveBodyFit::fit_preliminary(const ToFit& job) const {
     std::optional<BodyFit> tracked;
     if (2 * posed.size() >= job.frames.size())
         tracked = fit_lengths(posed, job.start, posing_, fitting, job.stop);
-    if (!job.may_search || (tracked && tracked->contour_residual_rms_m < kFittingResidual_m)) return tracked;
+    const bool may_search = job.preliminary >= kFirstSearch && job.preliminary <= kLastSearch;
+    if (!may_search || (tracked && tracked->contour_residual_rms_m < kFittingResidual_m)) return tracked;
     fitting.rounds = kSearchRounds, fitting.size_frames = kSearchSizeFrames, fitting.quick = true;
     const std::vector<const PoseObservation*> all = observations_of(job.frames);
     const auto latest = std::span(all).last(std::min(all.size(), kSearchFrames));
@@ -90,7 +95,7 @@ std::optional<BodyFit> LiveBodyFit::fit_preliminary(const ToFit& job) const {
 }
 
 void LiveBodyFit::fit(const ToFit& job) {
-    if (job.preliminary) {
+    if (job.preliminary > 0) {
         if (use_preliminary(job, fit_preliminary(job))) report({});
         return;
     }
@@ -152,7 +157,7 @@ bool LiveBodyFit::use_preliminary(const ToFit& job, const std::optional<BodyFit>
     const bool used = fit && !keeps_body();
     if (used) {
         subject.is_preliminary = true;
-        subject.is_unsettled = job.is_first;
+        subject.is_unsettled = job.preliminary == 1;
         set_fit(*fit, progress);
     }
     if (fit) subject.awaits_refit = false;

@@ -263,20 +263,17 @@ bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
     const JointPositions known = model_->forward(h.fit.posture).joints_in_world;
     std::array<std::optional<PoseFit>, kStartCount> found;
     double cost = 0;
-    oneapi::tbb::parallel_for(
-        std::size_t{0}, kStartCount + 1,
-        [&](std::size_t k) {
-            PoseFitter& fitter = workspaces_[k].fitter;
-            if (k == kStartCount) {
-                cost = fitter.fit(*model_, views, h.fit.posture, nullptr, false).at.cost;
-                return;
-            }
-            if (beside_others && k > 0) return;
-            const BodyPosture near = fitter.approach(*model_, views, starts[k], nullptr);
-            if (max_joint_distance(model_->forward(near).joints_in_world, known) >= kKnownJoints_m)
-                found[k] = fitter.fit(*model_, views, near, nullptr, false);
-        },
-        oneapi::tbb::simple_partitioner());
+    in_parallel(kStartCount + 1, [&](Workspace& work, std::size_t k) {
+        PoseFitter& fitter = work.fitter;
+        if (k == kStartCount) {
+            cost = fitter.fit(*model_, views, h.fit.posture, nullptr, false).at.cost;
+            return;
+        }
+        if (beside_others && k > 0) return;
+        const BodyPosture near = fitter.approach(*model_, views, starts[k], nullptr);
+        if (max_joint_distance(model_->forward(near).joints_in_world, known) >= kKnownJoints_m)
+            found[k] = fitter.fit(*model_, views, near, nullptr, false);
+    });
     bool is_exchanged = false;
     for (std::size_t k = 0; k < kStartCount; ++k) {
         const double gain = k == 0 && !beside_others ? kBetter : kClearlyBetter;

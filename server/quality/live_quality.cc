@@ -83,7 +83,8 @@ void LiveQuality::work() {
         bool restart = false;
         std::vector<Camera> cameras;
         std::shared_ptr<const std::vector<std::vector<Image>>> background;
-        ObserverOptions observing{options_.max_side_px, options_.samples, true, false};
+        ObserverOptions observing{
+            .max_side_px = options_.max_side_px, .max_samples = options_.samples, .latest = true};
         {
             std::unique_lock lock(mutex_);
             changed_.wait(lock, [&] { return closing_ || next_; });
