@@ -1,11 +1,13 @@
-// A daemon that plays an exhibit's day, as fast as its subscribers read: visitors come, move and leave.
+// A daemon that plays an exhibit's day at many times its speed: visitors come, move and leave.
 //
 // usage: scripted_daemon --write FILE      one cycle as gateway messages, each as uint32 length and bytes
-//        scripted_daemon --frames N        serves N poses and N volumes on a free port and prints the numbers
-//        sent
+//        scripted_daemon --frames N        serves N poses and N volumes on a free port, at most 2000 of each per
+//        second, and prints the numbers sent
 #include <grpcpp/grpcpp.h>
 
+#include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
@@ -28,6 +30,8 @@ namespace v1 = kinevox::v1;
 // scene.
 constexpr int kCycle = 1500, kVisit = 1000, kUnmeasured = 50, kVolumes = 32;
 constexpr double kVoxel_m = 0.04;  // the page lays out volumes of all sizes equally
+// A subscriber that is never given a pause shows the size of its receive buffers, not what it keeps.
+constexpr std::chrono::microseconds kMinInterval{500};
 
 void fill_header(v1::StreamHeader& header, std::uint64_t n) {
     header.set_sequence(n + 1);
@@ -125,9 +129,12 @@ class Daemon final : v1::CaptureService::Service, v1::StreamService::Service {
     template <typename Message, typename Make>
     grpc::Status send(grpc::ServerContext* context, grpc::ServerWriter<Message>* writer,
                       std::atomic<std::uint64_t>& sent, const Make& make) {
+        auto next = std::chrono::steady_clock::now();
         while (!context->IsCancelled() && sent < frames_) {
             if (!writer->Write(make(sent))) break;
             ++sent;
+            next = std::max(next + kMinInterval, std::chrono::steady_clock::now());
+            std::this_thread::sleep_until(next);
         }
         while (!context->IsCancelled()) std::this_thread::sleep_for(std::chrono::milliseconds(20));
         return grpc::Status::OK;
