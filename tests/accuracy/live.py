@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The daemon's live path against ground truth, every result: joints, silent errors and stated standard deviations.
 
-usage: live.py [--sequences NAME,... | --scene NAME] [--body fitted|default|automatic] [--pacing as_fast_as_possible|real_time]
+usage: live.py [--sequences NAME,... | --scene NAME | --folders FOLDER,...] [--body fitted|default|automatic] [--pacing as_fast_as_possible|real_time]
                [--spans S,...] [--option LINE] [--daemon PROGRAM] [--client PROGRAM] [--process PROGRAM] [--studio PROGRAM]
                [--work FOLDER] [--tables FOLDER] [--max-ratio N] [--max-silent N]
 
@@ -9,7 +9,8 @@ The daemon captures each sequence as fast as it can and records its poses, which
 session. Columns as in rates.py, "x" is the error over that of `process`. --body: fitted as `kinevox process` found it, the
 default of an average adult, or fitted by the daemon to its first seconds, which takes time: use --pacing real_time.
 --spans 2,5: further rows for the time before 2 s, from there to 5 s, and after. --scene renders scenes/NAME.toml and captures
-that instead. --tables has the results of `kinevox process`, of sequences.py with the same option. Exit status 77 without the
+that instead; --folders are others with session.toml and truth/, such as the trials that `sweep.py --keep` leaves (their
+results/ are those of `kinevox process`). --tables has the results of `kinevox process`, of sequences.py with the same option. Exit status 77 without the
 shared test data."""
 import argparse
 import shutil
@@ -59,11 +60,13 @@ def capture(arguments, name, sequence, folder, body, out):
         daemon.stop()
 
 
-def one(arguments, name, work):
-    folder = rendered(arguments, work) if arguments.scene else data_folder() / "studio" / name
+def one(arguments, folder, work):
+    name = arguments.scene or folder.name
     session, processed = folder / "session.toml", work / name / "processed"
     if arguments.tables:
         processed = arguments.tables / name
+    elif (folder / "results/run.toml").exists():
+        processed = folder / "results"
     elif not (processed / "run.toml").exists():
         subprocess.run([arguments.process, session, "--out", processed, "--quiet", "--overwrite"], check=True)
     fps = Session(session).fps
@@ -89,6 +92,7 @@ def main():
     add_arguments(parser)
     parser.add_argument("--sequences", default=",".join(SEQUENCES))
     parser.add_argument("--scene")
+    parser.add_argument("--folders", type=lambda text: [Path(f) for f in text.split(",")])
     parser.add_argument("--studio", type=Path, default=REPOSITORY / "build/release/server/tools/kinevox-studio")
     parser.add_argument("--body", choices=("fitted", "default", "automatic"), default="fitted")
     parser.add_argument("--pacing", choices=("as_fast_as_possible", "real_time"), default="as_fast_as_possible")
@@ -99,7 +103,7 @@ def main():
     parser.add_argument("--max-ratio", type=float, default=np.inf)
     parser.add_argument("--max-silent", type=float, default=np.inf)
     arguments = parser.parse_args()
-    if not arguments.scene and not (data_folder() / "studio").is_dir():
+    if not (arguments.scene or arguments.folders or (data_folder() / "studio").is_dir()):
         print(f"skipped: no test data at {data_folder()}")
         return 77
     failed = []
@@ -107,8 +111,10 @@ def main():
         work = arguments.work or Path(scratch)
         print(heading(), flush=True)
         rows = []
-        for name in [arguments.scene] if arguments.scene else arguments.sequences.split(","):
-            row, *spans = one(arguments, name, work)
+        folders = arguments.folders or [data_folder() / "studio" / name for name in arguments.sequences.split(",")]
+        for folder in [rendered(arguments, work)] if arguments.scene else folders:
+            name = arguments.scene or folder.name
+            row, *spans = one(arguments, folder, work)
             print(text(name, 1, row, None), flush=True)
             for span in spans:
                 print(text(f" {span['span'][0]:g}-{span['span'][1]:g} s", 1, span, None), flush=True)
