@@ -1,9 +1,11 @@
 #include "server/pose/limb_search.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <numeric>
 #include <optional>
 
 namespace kinevox {
@@ -20,6 +22,7 @@ constexpr double kRaysGained = 1.5;  // minimum number of additionally explained
 // A coarse configuration of a pair is compared with a fitted one, so it may be worse by this many rays before
 // it is fitted.
 constexpr double kPairSlack = 2;
+constexpr std::array<double, 2> kBalls{0.2, 0.8};  // along each capsule, for what lies outside
 constexpr double kUnlimited = std::numeric_limits<double>::infinity();
 
 // Evenly over the sphere (a Fibonacci lattice).
@@ -50,6 +53,26 @@ double kernel(double residual, double robust_m) {
     return r2 / (1 + r2 / (robust_m * robust_m));
 }
 
+void clear(ContourRays& rays, Vec3 origin_in_world) {
+    rays.origin_in_world = origin_in_world;
+    for (int axis = 0; axis < 3; ++axis) rays.direction[axis].clear(), rays.outward[axis].clear();
+}
+
+void append(const ContourRays& from, std::size_t ray, ContourRays& to) {
+    for (int axis = 0; axis < 3; ++axis) {
+        to.direction[axis].push_back(from.direction[axis][ray]);
+        to.outward[axis].push_back(from.outward[axis][ray]);
+    }
+}
+
+BodyCapsule capsule_in_world(const Rigid3& world_from_segment, BodyCapsule capsule) {
+    for (float* const end : {capsule.a, capsule.b}) {
+        const Vec3 p = world_from_segment * Vec3{end[0], end[1], end[2]};
+        end[0] = static_cast<float>(p.x), end[1] = static_cast<float>(p.y), end[2] = static_cast<float>(p.z);
+    }
+    return capsule;
+}
+
 }  // namespace
 
 LimbSegments segments_of(Limb limb) {
@@ -67,48 +90,89 @@ LimbSegments segments_of(Limb limb) {
 }
 
 void LimbSearch::thin_out(std::span<const SilhouetteRays> views) {
-    rays_.resize(views.size());
+    thinned_.resize(views.size());
     for (std::size_t c = 0; c < views.size(); ++c) {
         const ContourRays& all = views[c].contour;
-        ContourRays& some = rays_[c];
-        some.origin_in_world = all.origin_in_world;
-        for (int axis = 0; axis < 3; ++axis) {
-            some.direction[axis].clear(), some.outward[axis].clear();
-            if (!views[c].camera) continue;
-            for (std::size_t i = 0; i < all.size(); i += kRayStep) {
-                some.direction[axis].push_back(all.direction[axis][i]);
-                some.outward[axis].push_back(all.outward[axis][i]);
-            }
-        }
+        ContourRays& some = thinned_[c].rays;
+        clear(some, all.origin_in_world);
+        for (std::size_t i = 0; views[c].camera && i < all.size(); i += kRayStep) append(all, i, some);
     }
 }
 
-// The cheap terms first: most configurations of a limb leave the silhouettes.
-double LimbSearch::cost(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules,
-                        double robust_m, double limit) {
-    double sum = 0;
+// Of each body of `per_body` capsules, the part of the cost that lies outside the silhouettes.
+void LimbSearch::measure_outside(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules,
+                                 std::size_t per_body, double robust_m) {
+    const std::size_t count = capsules.size() * kBalls.size();
+    for (auto& values : balls_) values.resize(count);
+    for (auto& values : outside_) values.resize(count);
+    std::size_t n = 0;
+    for (const BodyCapsule& c : capsules)
+        for (const double along : kBalls) {
+            for (int axis = 0; axis < 3; ++axis)
+                balls_[axis][n] = (1 - along) * c.a[axis] + along * c.b[axis];
+            balls_[3][n++] = (1 - along) * c.radius_a + along * c.radius_b;
+        }
+    outside_cost_.assign(capsules.size() / per_body, 0);
     for (const SilhouetteRays& view : views) {
         if (!view.camera) continue;
-        for (const BodyCapsule& capsule : capsules)
-            for (const double along : {0.2, 0.8}) {
-                const Vec3 a{capsule.a[0], capsule.a[1], capsule.a[2]},
-                    b{capsule.b[0], capsule.b[1], capsule.b[2]};
-                const Vec3 p = (1 - along) * a + along * b;
-                const std::optional<double> inside_m = view.inside_m(p);
-                if (!inside_m) continue;
-                const double out = (1 - along) * capsule.radius_a + along * capsule.radius_b - *inside_m;
-                if (out > 0) sum += kernel(out, robust_m);
-            }
-        if (sum >= limit) return sum;
+        kernels::measure_outside(pinhole_view(*view.camera), view.distance.map(),
+                                 {{balls_[0].data(), balls_[1].data(), balls_[2].data()},
+                                  balls_[3].data(),
+                                  static_cast<int>(count)},
+                                 kMinSeenDepth_m,
+                                 {outside_[0].data(),
+                                  {outside_[1].data(), outside_[2].data(), outside_[3].data()},
+                                  {outside_[4].data(), outside_[5].data()}});
+        for (std::size_t k = 0; k < count; ++k)
+            if (outside_[0][k] > 0)
+                outside_cost_[k / (per_body * kBalls.size())] += kernel(outside_[0][k], robust_m);
     }
-    for (std::size_t c = 0; c < views.size(); ++c) {
-        if (!views[c].camera) continue;
-        nearest_capsules(rays_[c], capsules, distance_, which_);
+}
+
+double LimbSearch::contour_cost(std::span<const RaySubset> subsets, std::span<const BodyCapsule> capsules,
+                                double robust_m, double limit) {
+    double sum = 0;
+    for (const RaySubset& subset : subsets) {
+        nearest_capsules(subset.rays, capsules, distance_, which_);
         for (std::size_t i = 0; i < distance_.size(); ++i)
-            sum += kernel(std::min(distance_[i], rest_distance_[c][i]), robust_m);
-        if (sum >= limit) return sum;
+            sum += kernel(std::min(distance_[i], subset.rest_distance[i]), robust_m);
+        if (sum >= limit) break;
     }
     return sum;
+}
+
+// Copies to reached_ the rays that a placed limb can be nearer to than the rest of the body is. Returns the
+// cost of the others.
+double LimbSearch::keep_reached(std::span<const SilhouetteRays> views, Vec3 joint_in_world, double robust_m) {
+    double reach = 0;
+    for (const BodyCapsule& c : placed_)
+        reach = std::max({reach, norm(Vec3{c.a[0], c.a[1], c.a[2]} - joint_in_world) + c.radius_a,
+                          norm(Vec3{c.b[0], c.b[1], c.b[2]} - joint_in_world) + c.radius_b});
+    double rest_cost = 0;
+    reached_.resize(views.size());
+    for (std::size_t c = 0; c < views.size(); ++c) {
+        const RaySubset& all = thinned_[c];
+        RaySubset& some = reached_[c];
+        clear(some.rays, all.rays.origin_in_world);
+        some.rest_distance.clear();
+        const Vec3 to_joint = joint_in_world - all.rays.origin_in_world;
+        for (std::size_t i = 0; i < all.rays.size(); ++i) {
+            const auto& d = all.rays.direction;
+            if (all.rest_distance[i] <= norm(cross(to_joint, Vec3{d[0][i], d[1][i], d[2][i]})) - reach) {
+                rest_cost += kernel(all.rest_distance[i], robust_m);
+                continue;
+            }
+            append(all.rays, i, some.rays);
+            some.rest_distance.push_back(all.rest_distance[i]);
+        }
+    }
+    return rest_cost;
+}
+
+double LimbSearch::cost(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules,
+                        double robust_m) {
+    measure_outside(views, capsules, capsules.size(), robust_m);
+    return outside_cost_.front() + contour_cost(thinned_, capsules, robust_m, kUnlimited);
 }
 
 // Writes the capsules of the limbs in a posture to capsules_ and, if not null, all others to `others`.
@@ -129,46 +193,88 @@ void LimbSearch::split(const BodyModel& model, const BodyPosture& posture, std::
     std::erase_if(capsules_, [&](const BodyCapsule& c) { return !belongs(c); });
 }
 
-void LimbSearch::set_rest(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> rest) {
-    rest_distance_.resize(views.size());
-    for (std::size_t c = 0; c < views.size(); ++c)
-        if (views[c].camera) nearest_capsules(rays_[c], rest, rest_distance_[c], which_);
+void LimbSearch::set_rest(std::span<const BodyCapsule> rest) {
+    for (RaySubset& subset : thinned_) nearest_capsules(subset.rays, rest, subset.rest_distance, which_);
 }
 
-// The configuration of a limb with the lowest cost below `best`, which it updates.
-std::optional<BodyPosture> LimbSearch::cheapest(const BodyModel& model, const BodyPosture& posture,
-                                                std::span<const SilhouetteRays> views, Limb which,
-                                                LimbSearchScope scope, double robust_m, double& best) {
-    const LimbSegments limb = segments_of(which);
-    std::optional<BodyPosture> found;
-    BodyPosture trial = posture;
-    trial.parent_from_segment[limb.end] = Mat3{};
-    const auto try_twists = [&](Vec3 u, double bend, int twists, int of) {
-        trial.parent_from_segment[limb.lower] = rotation_from_rodrigues(bend * hinge_axis(limb.lower));
+void LimbSearch::list_configurations(const BodyPosture& posture, const LimbSegments& limb,
+                                     LimbSearchScope scope) {
+    configurations_.clear();
+    const auto add_twists = [&](Vec3 u, double bend, int twists, int of) {
+        const Mat3 lower = rotation_from_rodrigues(bend * hinge_axis(limb.lower));
         for (int t = 0; t < twists; ++t) {
             const double twist = 2 * std::numbers::pi * (limb.arm ? t : t - (twists - 1) / 2.0) / of;
-            trial.parent_from_segment[limb.upper] = towards(u, twist);
-            split(model, trial, {&which, 1}, nullptr);
-            const double there = cost(views, capsules_, robust_m, best);
-            if (there >= best) continue;
-            best = there;
-            found = trial;
+            configurations_.push_back({towards(u, twist), lower});
         }
     };
     if (scope == LimbSearchScope::kLower) {
         const Vec3 u = posture.parent_from_segment[limb.upper] * Vec3{0, 0, -1};
         for (const double bend : kFineBends)
-            try_twists(u, bend, limb.arm ? kFineTwists : 3, limb.arm ? kFineTwists : 12);
-        return found;
+            add_twists(u, bend, limb.arm ? kFineTwists : 3, limb.arm ? kFineTwists : 12);
+        return;
     }
     for (int k = 0; k < kDirections; ++k) {
         const Vec3 u = direction(k);
         if (!reachable(limb, u)) continue;
         // A thigh rotates little about its axis, an upper arm much.
         for (const double bend : kBends)
-            try_twists(u, bend, bend < kStraight || !limb.arm ? 1 : kTwists, kTwists);
+            add_twists(u, bend, bend < kStraight || !limb.arm ? 1 : kTwists, kTwists);
     }
-    return found;
+}
+
+// Only the limb's part of BodyModel::forward() and capsules().
+void LimbSearch::place_configurations(const BodyModel& model, const BodyPosture& posture,
+                                      const LimbSegments& limb) {
+    const Rigid3 world_from_parent = model.forward(posture).world_from_segment[kBodyParent[limb.upper]];
+    placed_.clear();
+    for (const Configuration& configuration : configurations_) {
+        Vec3 origin = model.offset_in_parent(limb.upper);
+        if (limb.arm) origin += model.shoulder_shift(limb.left, configuration.upper * Vec3{0, 0, -1});
+        const Rigid3 upper = world_from_parent * Rigid3{configuration.upper, origin};
+        const Rigid3 lower = upper * Rigid3{configuration.lower, model.offset_in_parent(limb.lower)};
+        const Rigid3 end = lower * Rigid3{Mat3{}, model.offset_in_parent(limb.end)};
+        for (const BodyCapsule& capsule : model.capsules_in_segments()) {
+            const int s = capsule.segment;
+            if (s == limb.upper || s == limb.lower || s == limb.end)
+                placed_.push_back(capsule_in_world(s == limb.upper   ? upper
+                                                   : s == limb.lower ? lower
+                                                                     : end,
+                                                   capsule));
+        }
+    }
+}
+
+// The configuration of a limb with the lowest cost below `best`, which it updates. Most configurations leave
+// the silhouettes, which is cheap to see: those that do least come first.
+std::optional<BodyPosture> LimbSearch::cheapest(const BodyModel& model, const BodyPosture& posture,
+                                                std::span<const SilhouetteRays> views, Limb which,
+                                                LimbSearchScope scope, double robust_m, double& best) {
+    const LimbSegments limb = segments_of(which);
+    list_configurations(posture, limb, scope);
+    place_configurations(model, posture, limb);
+    const std::size_t per_limb = placed_.size() / configurations_.size();
+    measure_outside(views, placed_, per_limb, robust_m);
+    const double rest_cost =
+        keep_reached(views, model.forward(posture).joints_in_world[origin_joint(limb.upper)], robust_m);
+    order_.resize(configurations_.size());
+    std::iota(order_.begin(), order_.end(), 0);
+    std::ranges::stable_sort(order_, {}, [&](int n) { return outside_cost_[n]; });
+    const Configuration* found = nullptr;
+    for (const int n : order_) {
+        const double known = rest_cost + outside_cost_[n];
+        if (known >= best) break;
+        const std::span<const BodyCapsule> capsules(placed_.data() + n * per_limb, per_limb);
+        const double there = known + contour_cost(reached_, capsules, robust_m, best - known);
+        if (there >= best) continue;
+        best = there;
+        found = &configurations_[n];
+    }
+    if (!found) return std::nullopt;
+    BodyPosture moved = posture;
+    moved.parent_from_segment[limb.upper] = found->upper;
+    moved.parent_from_segment[limb.lower] = found->lower;
+    moved.parent_from_segment[limb.end] = Mat3{};
+    return moved;
 }
 
 std::optional<BodyPosture> LimbSearch::improve(const BodyModel& model, const BodyPosture& posture,
@@ -177,8 +283,8 @@ std::optional<BodyPosture> LimbSearch::improve(const BodyModel& model, const Bod
     std::vector<BodyCapsule> rest;
     split(model, posture, {&which, 1}, &rest);
     thin_out(views);
-    set_rest(views, rest);
-    double best = cost(views, capsules_, robust_m, kUnlimited) - kRaysGained * robust_m * robust_m;
+    set_rest(rest);
+    double best = cost(views, capsules_, robust_m) - kRaysGained * robust_m * robust_m;
     return cheapest(model, posture, views, which, scope, robust_m, best);
 }
 
@@ -189,13 +295,13 @@ std::optional<BodyPosture> LimbSearch::improve_pair(const BodyModel& model, cons
     std::vector<BodyCapsule> rest;
     split(model, posture, both, &rest);
     thin_out(views);
-    set_rest(views, rest);
-    const double now = cost(views, capsules_, robust_m, kUnlimited);
+    set_rest(rest);
+    const double now = cost(views, capsules_, robust_m);
     double best = kUnlimited;
     const auto one = cheapest(model, posture, views, first, LimbSearchScope::kWhole, robust_m, best);
     if (!one) return std::nullopt;
     split(model, *one, {&second, 1}, &rest);
-    set_rest(views, rest);
+    set_rest(rest);
     best = now + kPairSlack * robust_m * robust_m;
     return cheapest(model, *one, views, second, LimbSearchScope::kWhole, robust_m, best);
 }

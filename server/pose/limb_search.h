@@ -40,22 +40,45 @@ class LimbSearch {
                                             double robust_m);
 
   private:
+    // The rotations of a limb's upper and lower segment against their parents; the end one is straight.
+    struct Configuration {
+        Mat3 upper, lower;
+    };
+
+    // Per camera, a subset of its rays, and their distances to the body without the limb.
+    struct RaySubset {
+        ContourRays rays;
+        std::vector<float> rest_distance;
+    };
+
     void split(const BodyModel& model, const BodyPosture& posture, std::span<const Limb> limbs,
                std::vector<BodyCapsule>* others);
-    void set_rest(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> rest);
+    void set_rest(std::span<const BodyCapsule> rest);
+    void list_configurations(const BodyPosture& posture, const LimbSegments& limb, LimbSearchScope scope);
+    void place_configurations(const BodyModel& model, const BodyPosture& posture, const LimbSegments& limb);
     std::optional<BodyPosture> cheapest(const BodyModel& model, const BodyPosture& posture,
                                         std::span<const SilhouetteRays> views, Limb which,
                                         LimbSearchScope scope, double robust_m, double& best);
+    void measure_outside(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules,
+                         std::size_t per_body, double robust_m);
+    double keep_reached(std::span<const SilhouetteRays> views, Vec3 joint_in_world, double robust_m);
     // Incomplete, but at least `limit`, where it exceeds that.
-    double cost(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules, double robust_m,
-                double limit);
+    double contour_cost(std::span<const RaySubset> subsets, std::span<const BodyCapsule> capsules,
+                        double robust_m, double limit);
+    double cost(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules,
+                double robust_m);
     void thin_out(std::span<const SilhouetteRays> views);
 
-    std::vector<ContourRays> rays_;                  // per camera, a subset of its rays
-    std::vector<std::vector<float>> rest_distance_;  // per camera and ray: of the body without the limb
+    std::vector<RaySubset> thinned_, reached_;
     std::vector<float> distance_;
     std::vector<int> which_;
     std::vector<BodyCapsule> capsules_;
+    std::vector<Configuration> configurations_;
+    std::vector<BodyCapsule> placed_;             // of all configurations, one after the other
+    std::vector<double> outside_cost_;            // of each
+    std::vector<int> order_;                      // by that
+    std::array<std::vector<double>, 4> balls_;    // x, y, z and radius; kBalls.size() per capsule
+    std::array<std::vector<double>, 6> outside_;  // see kernels::OutsideList
 };
 
 }  // namespace kinevox

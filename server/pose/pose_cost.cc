@@ -36,18 +36,6 @@ constexpr double kFloorSlack_m = 0.005, kStandingStd_m = 0.01;
 constexpr double kLumbarRest = -11 * kDegree, kLumbarPerHip = 0.2, kLumbarStd = 8 * kDegree;
 
 constexpr std::array<double, 3> kBalls{0.15, 0.5, 0.85};  // along each capsule, for the inside terms
-constexpr double kMinDepth_m = 0.2;
-
-kernels::PinholeView pinhole_view(const Camera& c) {
-    kernels::PinholeView view;
-    std::copy(c.camera_from_world.rotation.m.begin(), c.camera_from_world.rotation.m.end(), view.rotation);
-    const Vec3& t = c.camera_from_world.translation;
-    view.translation[0] = t.x, view.translation[1] = t.y, view.translation[2] = t.z;
-    view.fx = c.fx, view.fy = c.fy, view.cx = c.cx, view.cy = c.cy;
-    view.k1 = c.k1, view.k2 = c.k2, view.p1 = c.p1, view.p2 = c.p2, view.k3 = c.k3;
-    view.width = c.width, view.height = c.height;
-    return view;
-}
 
 bool kept_apart(int limb, int other) {
     switch (limb) {
@@ -203,7 +191,7 @@ void PoseCost::inside_terms(int camera, const SilhouetteRays& view, double robus
                              {{balls_[0].data(), balls_[1].data(), balls_[2].data()},
                               balls_[3].data(),
                               static_cast<int>(balls_[3].size())},
-                             kMinDepth_m,
+                             kMinSeenDepth_m,
                              {outside_[0].data(),
                               {outside_[1].data(), outside_[2].data(), outside_[3].data()},
                               {outside_[4].data(), outside_[5].data()}});

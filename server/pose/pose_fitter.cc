@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace kinevox {
 namespace {
@@ -37,10 +38,12 @@ std::string PoseFitOptions::check() const {
 ContourFit contour_fit(std::span<const SurfaceTerm> terms, double narrow_m) {
     ContourFit fit;
     double sum = 0;
-    int within = 0;
+    int within = 0, camera = -1, far = 0;  // terms are in the order of the cameras
     for (const SurfaceTerm& term : terms) {
         if (term.ray < 0) continue;
         const double r = std::abs(term.residual);
+        if (std::exchange(camera, term.camera) != term.camera) far = 0;
+        if (r > 2 * narrow_m) fit.far = std::max(fit.far, ++far);
         if (r < 3 * narrow_m) sum += r * r, ++within;
         if (r < narrow_m) ++fit.touching;
     }
@@ -95,6 +98,7 @@ PoseFit PoseFitter::fit(const BodyModel& model, std::span<const SilhouetteRays> 
         if (view.camera) rays += static_cast<int>(view.contour.size());
     const ContourFit contour = contour_fit(cost_.terms(), options_.narrow_m);
     fit.contour_residual_rms_m = contour.rms_m;
+    fit.unexplained = contour.far;
     fit.explained = rays > 0 ? static_cast<double>(contour.touching) / rays : 0;
     return fit;
 }

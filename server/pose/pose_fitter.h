@@ -16,12 +16,14 @@ struct PoseFit {
     Linearisation at;                   // at the solution, with narrow_m
     double contour_residual_rms_m = 0;  // of the contour rays within 3 * narrow_m
     double explained = 0;               // fraction of the contour rays within narrow_m of the body, 0..1
+    int unexplained = 0;                // of a camera's contour rays, number far from the body; the largest
 };
 
 // How well the contour rays of a linearisation fit.
 struct ContourFit {
     double rms_m = 0;  // of those within 3 * narrow_m
     int touching = 0;  // number within narrow_m
+    int far = 0;       // number beyond 2 * narrow_m, of the camera with most of them
 };
 ContourFit contour_fit(std::span<const SurfaceTerm> terms, double narrow_m);
 

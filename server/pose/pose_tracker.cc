@@ -23,6 +23,11 @@ constexpr double kMinReferenceInterval_s = 1.0 / 31, kMaxReferenceInterval_s = 1
 constexpr double kRateMemory = 0.6, kCostMemory = 0.85, kUsualMemory = 0.997;
 constexpr double kPredictionDamping = 0.9;
 constexpr double kPoorer = 0.03;
+// Rays of a camera far from the body, beyond their usual number, that suggest a lost limb. The usual one
+// rises by this per reference interval, and by this fraction where a search finds nothing.
+constexpr int kProtruding = 4;
+constexpr double kProtrudingRise = 0.07, kProtrudingRiseInVain = 0.5;
+constexpr int kMaxLimbRounds = 3;
 constexpr double kUnusualGap = 2.5, kIntervalMemory = 0.9;  // of the usual interval
 constexpr double kBetter = 2,
                  kClearlyBetter =
@@ -187,6 +192,47 @@ void PoseTracker::search_all(Workspace& work, Hypothesis& h, std::span<const Sil
     }
     for (const auto& [first, second] : kLimbPairs) search_pair(work, h, views, first, second);
     for (const auto& [first, second] : kArmsAndLegs) search_pair(work, h, views, first, second);
+}
+
+// The limb whose search lowers the cost the most, and further ones; pairs where no limb is found.
+bool PoseTracker::search_protruding(Hypothesis& h, std::span<const SilhouetteRays> views) {
+    const double robust_m = 2 * options_.fit.narrow_m;
+    const auto search_one = [&](Workspace& work, std::size_t k) {
+        const auto scope = k < kLimbs.size() ? LimbSearchScope::kWhole : LimbSearchScope::kLower;
+        return work.limbs.improve(*model_, h.posture, views, kLimbs[k % kLimbs.size()], scope, robust_m);
+    };
+    const auto search_two = [&](Workspace& work, std::size_t k) {
+        const auto& [first, second] =
+            k < kLimbPairs.size() ? kLimbPairs[k] : kArmsAndLegs[k - kLimbPairs.size()];
+        return work.limbs.improve_pair(*model_, h.posture, views, first, second, robust_m);
+    };
+    int found = 0;
+    while (found < kMaxLimbRounds && try_searches(h, views, 2 * kLimbs.size(), kBetter, search_one)) ++found;
+    for (const Limb arm : {Limb::kArmL, Limb::kArmR}) try_mirrored_elbow(workspaces_.front(), h, views, arm);
+    return found > 0 ||
+           try_searches(h, views, kLimbPairs.size() + kArmsAndLegs.size(), kClearlyBetter, search_two);
+}
+
+// Runs `search` of 0 to count - 1 in parallel and replaces the posture by the best fit of what they find if
+// it costs less by `gain`.
+template <typename Search>
+bool PoseTracker::try_searches(Hypothesis& h, std::span<const SilhouetteRays> views, std::size_t count,
+                               double gain, const Search& search) {
+    std::vector<std::optional<PoseFit>> found(count);
+    double stayed = 0;
+    in_parallel(count + 1, [&](Workspace& work, std::size_t k) {
+        if (k == count) {
+            stayed = work.fitter.fit(*model_, views, h.posture, nullptr, false).at.cost;
+        } else if (const std::optional<BodyPosture> moved = search(work, k)) {
+            found[k] = work.fitter.fit(*model_, views, *moved, nullptr, true);
+        }
+    });
+    std::optional<PoseFit>* best = nullptr;
+    for (std::optional<PoseFit>& fit : found)
+        if (fit && (!best || fit->at.cost < (*best)->at.cost)) best = &fit;
+    if (!best || (*best)->at.cost + gain >= stayed) return false;
+    replace(h, std::move(**best));
+    return true;
 }
 
 // The fit from `start` if it costs less by `gain` than the one from `current`, both without a prior.
@@ -367,6 +413,7 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
     if (!tracking()) {
         begin(views, centre, candidates);
         lost_s_ = usual_explained_ = 0;
+        usual_unexplained_ = hypotheses_.front().fit.unexplained;
         usual_interval_s_ = seconds;
         turn_wait_s_ = kTurnInterval_s, turn_evidence_ = 0;
     } else {
@@ -380,10 +427,16 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
                                   : std::min(options_.search_explained_fraction, usual_explained_ - kPoorer);
         intervals_to_pair_ -= reference_intervals(seconds);
         Hypothesis& best = hypotheses_.front();
+        const bool protrudes =
+            !options_.always_search_limbs && best.fit.unexplained >= usual_unexplained_ + kProtruding;
+        usual_unexplained_ = std::min<double>(
+            usual_unexplained_ + kProtrudingRise * reference_intervals(seconds), best.fit.unexplained);
         if (searches_fully(seconds) || std::exchange(model_changed_, false)) {
             search_all(workspaces_.front(), best, views);
-        } else {
+        } else if (!protrudes) {
             search_next(best, views, explained < enough);
+        } else if (!search_protruding(best, views)) {
+            usual_unexplained_ += kProtrudingRiseInVain * (best.fit.unexplained - usual_unexplained_);
         }
         check_turned(best, views, seconds);
         choose();

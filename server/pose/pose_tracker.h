@@ -76,6 +76,10 @@ class PoseTracker {
                      Limb first, Limb second);
     void search_all(Workspace& work, Hypothesis& hypothesis, std::span<const SilhouetteRays> views);
     void search_next(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, bool whole);
+    bool search_protruding(Hypothesis& hypothesis, std::span<const SilhouetteRays> views);
+    template <typename Search>
+    bool try_searches(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, std::size_t count,
+                      double gain, const Search& search);
     std::optional<PoseFit> better_fit(Workspace& work, std::span<const SilhouetteRays> views,
                                       const BodyPosture& start, const BodyPosture& current, double gain);
     void try_moved(Workspace& work, Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
@@ -94,6 +98,7 @@ class PoseTracker {
     double intervals_to_pair_ = 0;  // reference intervals until the next search of a pair
     std::size_t next_pair_ = 0;
     double usual_explained_ = 0;
+    double usual_unexplained_ = 0;  // see PoseFit::unexplained
     double usual_interval_s_ = 0;
     double turn_wait_s_ = 0, turn_evidence_ = 0;  // of check_turned()
     std::vector<Hypothesis> hypotheses_;          // the best one first

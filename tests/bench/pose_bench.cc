@@ -1,10 +1,11 @@
-// What a fit costs: reading a silhouette, one linearisation of the cost, and a whole fit.
+// What a fit costs: reading a silhouette, one linearisation of the cost, a whole fit, and searches of limbs.
 #include <benchmark/benchmark.h>
 
 #include <random>
 #include <vector>
 
 #include "common/geometry.h"
+#include "server/pose/limb_search.h"
 #include "server/pose/pose_fitter.h"
 #include "tests/support/seen_body.h"
 
@@ -55,9 +56,31 @@ void fit(benchmark::State& state) {
     for (auto _ : state) benchmark::DoNotOptimize(fitter.fit(*scene.model, views, posture, nullptr, true));
 }
 
+void search_limb(benchmark::State& state) {
+    const testing::SeenBody scene = seen_by(static_cast<int>(state.range(0)));
+    const std::vector<SilhouetteRays> views = scene.see(scene.standing());
+    const BodyPosture posture = perturbed(scene, 6);
+    LimbSearch search;
+    for (auto _ : state)
+        benchmark::DoNotOptimize(
+            search.improve(*scene.model, posture, views, Limb::kArmL, LimbSearchScope::kWhole, 0.08));
+}
+
+void search_pair(benchmark::State& state) {
+    const testing::SeenBody scene = seen_by(static_cast<int>(state.range(0)));
+    const std::vector<SilhouetteRays> views = scene.see(scene.standing());
+    const BodyPosture posture = perturbed(scene, 6);
+    LimbSearch search;
+    for (auto _ : state)
+        benchmark::DoNotOptimize(
+            search.improve_pair(*scene.model, posture, views, Limb::kArmL, Limb::kArmR, 0.08));
+}
+
 BENCHMARK(read_view)->Unit(benchmark::kMicrosecond);
 BENCHMARK(linearise)->Unit(benchmark::kMicrosecond)->ArgName("cameras")->Arg(4)->Arg(8);
 BENCHMARK(fit)->Unit(benchmark::kMicrosecond)->ArgName("cameras")->Arg(4)->Arg(8);
+BENCHMARK(search_limb)->Unit(benchmark::kMicrosecond)->ArgName("cameras")->Arg(4)->Arg(8);
+BENCHMARK(search_pair)->Unit(benchmark::kMicrosecond)->ArgName("cameras")->Arg(4)->Arg(8);
 
 }  // namespace
 }  // namespace kinevox

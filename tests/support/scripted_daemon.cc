@@ -1,8 +1,8 @@
 // A daemon that plays an exhibit's day at many times its speed: visitors come, move and leave.
 //
 // usage: scripted_daemon --write FILE      one cycle as gateway messages, each as uint32 length and bytes
-//        scripted_daemon --frames N        serves N poses and N volumes on a free port, at most 2000 of each per
-//        second, and prints the numbers sent
+//        scripted_daemon --frames N        serves N poses and N volumes on a free port, at most 2000 of each
+//        per second, and prints the numbers sent
 #include <grpcpp/grpcpp.h>
 
 #include <algorithm>

@@ -243,6 +243,22 @@ TEST(PoseTracker, FollowsArmsThatPassEachOtherBetweenFrameSets) {
     }
 }
 
+// After the first second, in which every search is tried. A forearm is 2 % of the contour: too little to
+// lower the explained fraction noticeably.
+TEST(PoseTracker, FindsForearmThatLeavesTheBody) {
+    const Scene scene;
+    PoseTracker tracker(30);
+    tracker.set_model(scene.model);
+    BodyCoordinates truth = scene.standing();
+    truth[kDofShoulderL] = 0, truth[kDofElbowL] = radians(150);
+    for (int n = 0; n < 48; ++n) {
+        if (n >= 45) truth[kDofShoulderL] = radians(70), truth[kDofElbowL] = radians(5);
+        const auto tracked = tracker.update(n * 33'333'333LL, scene.see(truth), {0, 0, 0.95}, {});
+        ASSERT_TRUE(tracked.has_value()) << "frame set " << n;
+        EXPECT_LT(scene.error_m(tracked->fit.posture, truth), 0.03) << "frame set " << n;
+    }
+}
+
 TEST(PoseTracker, FindsArmAndLegThatMovedFarWhileFrameSetsWereLost) {
     const Scene scene;
     PoseTracker tracker(30);
