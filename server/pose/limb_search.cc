@@ -144,10 +144,11 @@ double LimbSearch::contour_cost(std::span<const RaySubset> subsets, std::span<co
 // Copies to reached_ the rays that a placed limb can be nearer to than the rest of the body is. Returns the
 // cost of the others.
 double LimbSearch::keep_reached(std::span<const SilhouetteRays> views, Vec3 joint_in_world, double robust_m) {
-    double reach = 0;
+    double max_distance_m = 0;
     for (const BodyCapsule& c : placed_)
-        reach = std::max({reach, norm(Vec3{c.a[0], c.a[1], c.a[2]} - joint_in_world) + c.radius_a,
-                          norm(Vec3{c.b[0], c.b[1], c.b[2]} - joint_in_world) + c.radius_b});
+        max_distance_m =
+            std::max({max_distance_m, norm(Vec3{c.a[0], c.a[1], c.a[2]} - joint_in_world) + c.radius_a,
+                      norm(Vec3{c.b[0], c.b[1], c.b[2]} - joint_in_world) + c.radius_b});
     double rest_cost = 0;
     reached_.resize(views.size());
     for (std::size_t c = 0; c < views.size(); ++c) {
@@ -158,7 +159,8 @@ double LimbSearch::keep_reached(std::span<const SilhouetteRays> views, Vec3 join
         const Vec3 to_joint = joint_in_world - all.rays.origin_in_world;
         for (std::size_t i = 0; i < all.rays.size(); ++i) {
             const auto& d = all.rays.direction;
-            if (all.rest_distance[i] <= norm(cross(to_joint, Vec3{d[0][i], d[1][i], d[2][i]})) - reach) {
+            if (all.rest_distance[i] <=
+                norm(cross(to_joint, Vec3{d[0][i], d[1][i], d[2][i]})) - max_distance_m) {
                 rest_cost += kernel(all.rest_distance[i], robust_m);
                 continue;
             }

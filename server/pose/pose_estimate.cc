@@ -186,11 +186,12 @@ double data_variance(double curvature, const Misfit& misfit, const Weights& of) 
 constexpr double kFartherAmongOthers = 2.5;
 
 // m^2, of a joint's gross error.
-double gross_variance(std::size_t joint, const Misfit& misfit, bool among_others) {
+double gross_variance(std::size_t joint, const Misfit& misfit, bool among_others, double added_log_odds) {
     const int segment = kJointSegment[joint];
     for (const GrossError& gross : kGrossErrors) {
         if (!kJointNames[joint].starts_with(gross.joint)) continue;
-        const double log_odds = gross.log_odds + kOfTouching * std::log1p(misfit.touching[segment]) +
+        const double log_odds = gross.log_odds + added_log_odds +
+                                kOfTouching * std::log1p(misfit.touching[segment]) +
                                 kOfMisfit * std::sqrt(misfit.segment[segment]) / kOddsScale_m;
         const double std_m = gross.std_m * (among_others ? kFartherAmongOthers : 1);
         return std_m * std_m / (1 + std::exp(-log_odds));
@@ -288,11 +289,23 @@ struct Evidence {
     std::array<double, kBodySegmentCount> gross_rad2{};  // of a segment's rotation
 };
 
-// A gross error of either end turns a segment.
-void judge_gross_errors(std::span<const SilhouetteRays> views, const PosedBody& posed, Evidence& evidence) {
-    for (std::size_t j = 0; j < evidence.gross_m2.size(); ++j)
-        evidence.gross_m2[j] =
-            gross_variance(j, evidence.misfit, is_among_others(views, posed.joints_in_world[j]));
+// The joint from which one hangs; of the pelvis and its neighbours the joint itself.
+std::size_t joint_above(std::size_t joint) {
+    const int segment = kJointSegment[joint], parent = kBodyParent[segment];
+    if (parent <= kPelvis) return joint;
+    return origin_joint(segment) == joint ? origin_joint(parent) : origin_joint(segment);
+}
+
+// Where a limb is lost, so is what hangs on it: a foot may touch its rays beside a folded leg. A gross error
+// of either end turns a segment.
+void judge_gross_errors(std::span<const SilhouetteRays> views, const PosedBody& posed, double added_log_odds,
+                        Evidence& evidence) {
+    for (std::size_t j = 0; j < evidence.gross_m2.size(); ++j) {
+        evidence.gross_m2[j] = gross_variance(
+            j, evidence.misfit, is_among_others(views, posed.joints_in_world[j]), added_log_odds);
+        if (const std::size_t above = joint_above(j); above != j)
+            evidence.gross_m2[j] += evidence.gross_m2[above];
+    }
     for (int s = 1; s < kBodySegmentCount; ++s) {
         const std::size_t start = origin_joint(s);
         const auto end = static_cast<std::size_t>(kSegmentFarJoint[s]);
@@ -417,7 +430,7 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
                       .support = supporting_cameras(terms, capsules),
                       .others = ambiguity(model, posture, posed, others),
                       .misfit = misfit_of(views, terms, capsules)};
-    judge_gross_errors(views, posed, evidence);
+    judge_gross_errors(views, posed, options.gross_log_odds, evidence);
     const JointJacobian jacobian = joint_jacobian(model, posed);
     judge_joints(jacobian, evidence, cameras, options, out);
     judge_angles(angle_derivatives(posed) * jacobian, evidence, cameras, options, out);

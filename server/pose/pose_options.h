@@ -157,6 +157,8 @@ struct EstimateOptions {
     double max_angle_std_rad = 0.45;
     // Standard deviation of the joints by a body that is not the subject's; 0: the subject's.
     double body_std_m = 0;
+    // Added to the log odds of a limb that is somewhere else than the fit has put it.
+    double gross_log_odds = 0;
     bool operator==(const EstimateOptions&) const = default;
 };
 
