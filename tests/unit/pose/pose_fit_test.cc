@@ -485,6 +485,34 @@ TEST(PoseEstimate, WidensJointsThatAnotherPostureContradicts) {
               2 * certain.angles[*angle_index("elbow_flexion_geometric_l")].std_rad);
 }
 
+// The foot of a folded leg may touch other contours; there is no gross error of the ankle's own.
+TEST(PoseEstimate, WidensJointThatHangsFromALostOne) {
+    const Scene scene;
+    BodyCoordinates folded = scene.standing();
+    folded[kDofHipR] += radians(60), folded[kDofKneeR] += radians(120);
+    const BodyPose pose = judged(scene, posture_from_coordinates(folded), {});
+    const auto std_m = [&](const char* joint) { return pose.joints[*joint_index(joint)].std_m; };
+    EXPECT_GT(std_m("knee_r"), 2 * std_m("knee_l"));
+    EXPECT_GE(std_m("ankle_r"), std_m("knee_r"));
+}
+
+// No later frame set corrects a lost limb.
+TEST(PoseStage, StatesLargerDeviationsLiveThanOfARecording) {
+    const Scene scene;
+    const PoseObservation seen{0, {0, 0, 0.95}, scene.see(scene.standing())};
+    std::array<std::shared_ptr<BodyPose>, 2> poses;
+    for (const bool live : {false, true}) {
+        PoseStageOptions options{.filtered = live};
+        options.set_body(scene.model->shape());
+        poses[live] = PoseStage(scene.cameras, 30, options).process(1, 0, 0, seen, {});
+        ASSERT_TRUE(poses[live]);
+    }
+    for (const char* name : {"elbow_l", "wrist_r", "hand_l"})
+        EXPECT_GT(poses[true]->joints[*joint_index(name)].std_m,
+                  poses[false]->joints[*joint_index(name)].std_m)
+            << name;
+}
+
 TEST(PoseEstimate, WidensLimbThatMissesItsSilhouettes) {
     const Scene scene;
     BodyCoordinates wrong = scene.standing();
