@@ -1,5 +1,5 @@
 // [source.cameras] of the daemon's configuration: network and USB cameras; deploy/kinevoxd.toml documents
-// every key.
+// every key, and server/config/daemon_config.h lists the numbers and switches with their ranges.
 #pragma once
 
 #include <array>
@@ -9,8 +9,6 @@
 #include <vector>
 
 namespace kinevox {
-
-class TomlTable;
 
 // A setting that is not given stays as the camera has it.
 struct CameraSettings {
@@ -39,24 +37,20 @@ struct LiveSourceConfig {
         kCamera,    // trigger_camera runs freely, its trigger_output_line triggers the others
     };
     std::filesystem::path calibration_file;  // absolute after reading
-    double fps = 30;                         // 1 to 1000; of the generator with kExternal
+    double fps = 30;
     Trigger trigger = Trigger::kSoftware;
     std::string trigger_input_line = "Line1";
     std::string trigger_camera;  // its name; for kCamera
     std::string trigger_output_line = "Line2";
-    bool ptp = false;               // enable PTP where a camera has it
-    double match_tolerance_ms = 0;  // within a frame set; 0: half a period, with kFreeRun 0.9 of it
-    double max_wait_ms = 200;       // for missing images, 1 to 5000
-    int min_cameras = 2;            // minimum number of images in a frame set
-    int max_queued_frame_sets = 8;  // for the pipeline, 1 to 64; when full, the oldest is dropped
+    bool ptp = false;
+    double match_tolerance_ms = 0;
+    double max_wait_ms = 200;
+    int min_cameras = 2;
+    int max_queued_frame_sets = 8;
     bool packet_resend = true;
-    int packet_size_bytes = 0;  // 576 to 16000; 0: the largest that arrives
+    int packet_size_bytes = 0;
     std::vector<LiveCameraConfig> cameras;
     bool operator==(const LiveSourceConfig&) const = default;
 };
-
-// Reads the table; `required`: the source is these cameras, so nothing may be missing.
-void read_live_cameras(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist,
-                       bool required, LiveSourceConfig& cameras);
 
 }  // namespace kinevox

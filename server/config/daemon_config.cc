@@ -3,31 +3,15 @@
 #include <fmt/format.h>
 
 #include <system_error>
-#include <type_traits>
 
 #include "common/files.h"
 #include "common/host_port.h"
 #include "common/toml_reader.h"
+#include "server/config/config_reader.h"
 #include "server/pipeline/pipeline.h"
 
 namespace kinevox {
 namespace {
-
-// Reads options from a TOML table by their list (kernels/option_list.h).
-template <typename Options>
-void read_options(const TomlTable& table, Options& options) {
-    visit_options(options, [&](const kernels::OptionInfo& info, auto& value) {
-        using Value = std::remove_cvref_t<decltype(value)>;
-        if constexpr (std::is_same_v<Value, bool>)
-            value = table.boolean_or(info.key, value);
-        else if constexpr (std::is_integral_v<Value>)
-            value = static_cast<Value>(table.integer_or(info.key, value, static_cast<std::int64_t>(info.min),
-                                                        static_cast<std::int64_t>(info.max)));
-        else
-            value = static_cast<Value>(
-                table.number_or(info.key, static_cast<double>(value), {info.min, info.max}));
-    });
-}
 
 std::filesystem::path resolved(const std::string& text, const std::filesystem::path& folder) {
     return text.empty() ? std::filesystem::path() : (folder / text).lexically_normal();
@@ -80,8 +64,7 @@ void read_source(const TomlTable& table, const std::filesystem::path& folder, bo
     const std::string pacing = table.choice_or("pacing", "real_time", {"real_time", "as_fast_as_possible"});
     source.pacing =
         pacing == "real_time" ? SourceConfig::Pacing::kRealTime : SourceConfig::Pacing::kAsFastAsPossible;
-    source.loop = table.boolean_or("loop", source.loop);
-    source.autostart = table.boolean_or("autostart", source.autostart);
+    read_options(table, source);
     read_studio(table.table_or_empty("studio"), source.studio);
     read_live_cameras(table.table_or_empty("cameras"), folder, check_files_exist,
                       source.kind == SourceConfig::Kind::kCameras, source.cameras);

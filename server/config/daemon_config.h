@@ -76,18 +76,51 @@ void visit_options(T& o, F&& f) {
       o.stature_m);
 }
 
+// [source.cameras]
+template <typename T, typename F>
+requires kernels::SameOptions<T, LiveSourceConfig>
+void visit_options(T& o, F&& f) {
+    f({"fps", 1, 1000, "Hz",
+       "Images per second of each camera; for trigger = \"external\" those of the generator."},
+      o.fps);
+    f({"ptp", 0, 1, "",
+       "Enable IEEE 1588 where a camera supports it, so that timestamps are compared directly."},
+      o.ptp);
+    f({"match_tolerance_ms", 0, 1000, "ms",
+       "Maximum time difference within a frame set; 0: half a frame period, for trigger = \"free_run\" 0.9 "
+       "of "
+       "it."},
+      o.match_tolerance_ms);
+    f({"max_wait_ms", 1, 5000, "ms", "Maximum wait for missing images."}, o.max_wait_ms);
+    f({"min_cameras", 1, 64, "", "Minimum number of images in a frame set."}, o.min_cameras);
+    f({"max_queued_frame_sets", 1, 64, "", "Queue length; when full, the oldest frame set is dropped."},
+      o.max_queued_frame_sets);
+    f({"packet_resend", 0, 1, "", "Request lost packets again."}, o.packet_resend);
+    f({"packet_size_bytes", 0, 16000, "bytes",
+       "Size of GigE Vision packets, at least 576; 0: the largest that arrives."},
+      o.packet_size_bytes);
+}
+
 struct SourceConfig {
     enum class Kind { kStudio, kSession, kCameras };
     enum class Pacing { kRealTime, kAsFastAsPossible };
     Kind kind = Kind::kStudio;
     std::filesystem::path session_file;  // absolute after reading; for Kind::kSession
     Pacing pacing = Pacing::kRealTime;
-    bool loop = true;       // restart after the last frame set
-    bool autostart = true;  // capture from the daemon's start
+    bool loop = true;
+    bool autostart = true;
     StudioConfig studio;
     LiveSourceConfig cameras;  // for Kind::kCameras
     bool operator==(const SourceConfig&) const = default;
 };
+
+template <typename T, typename F>
+requires kernels::SameOptions<T, SourceConfig>
+void visit_options(T& o, F&& f) {
+    f({"loop", 0, 1, "", "Restart after the last frame set."}, o.loop);
+    f({"autostart", 0, 1, "", "Start capturing when the daemon starts; false: wait for `kinevox start`."},
+      o.autostart);
+}
 
 struct PipelineConfig {
     enum class Device { kCpu, kCuda };
@@ -269,7 +302,9 @@ template <typename T, typename F>
 requires kernels::SameOptions<T, DaemonConfig>
 void visit_config_tables(T& config, F&& f) {
     f("server.limits", config.server.access);
+    f("source", config.source);
     f("source.studio", config.source.studio);
+    f("source.cameras", config.source.cameras);
     f("pipeline", config.pipeline);
     f("pose", config.pose);
     f("recording", config.recording);

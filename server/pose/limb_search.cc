@@ -102,33 +102,18 @@ void LimbSearch::thin_out(std::span<const SilhouetteRays> views) {
 // Of each body of `per_body` capsules, the part of the cost that lies outside the silhouettes.
 void LimbSearch::measure_outside(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules,
                                  std::size_t per_body, double robust_m) {
-    const std::size_t count = capsules.size() * kBalls.size();
-    for (auto& values : balls_) values.resize(count);
-    for (auto& values : outside_) values.resize(count);
-    std::size_t n = 0;
-    for (const BodyCapsule& c : capsules)
-        for (const double along : kBalls) {
-            for (int axis = 0; axis < 3; ++axis)
-                balls_[axis][n] = (1 - along) * c.a[axis] + along * c.b[axis];
-            balls_[3][n++] = (1 - along) * c.radius_a + along * c.radius_b;
-        }
+    balls_.place(capsules, kBalls);
     outside_cost_.assign(capsules.size() / per_body, 0);
     for (const SilhouetteRays& view : views) {
         if (!view.camera) continue;
-        kernels::measure_outside(pinhole_view(*view.camera), view.distance.map(),
-                                 {{balls_[0].data(), balls_[1].data(), balls_[2].data()},
-                                  balls_[3].data(),
-                                  static_cast<int>(count)},
-                                 kMinSeenDepth_m,
-                                 {outside_[0].data(),
-                                  {outside_[1].data(), outside_[2].data(), outside_[3].data()},
-                                  {outside_[4].data(), outside_[5].data()}});
-        for (std::size_t k = 0; k < count; ++k)
-            if (outside_[0][k] > 0)
-                outside_cost_[k / (per_body * kBalls.size())] += kernel(outside_[0][k], robust_m);
+        balls_.measure(view);
+        for (std::size_t k = 0; k < balls_.size(); ++k)
+            if (const double outside_m = balls_.outside_m(k); outside_m > 0)
+                outside_cost_[k / (per_body * kBalls.size())] += kernel(outside_m, robust_m);
     }
 }
 
+// Incomplete, but at least `limit`, where it exceeds that.
 double LimbSearch::contour_cost(std::span<const RaySubset> subsets, std::span<const BodyCapsule> capsules,
                                 double robust_m, double limit) {
     double sum = 0;
@@ -143,15 +128,15 @@ double LimbSearch::contour_cost(std::span<const RaySubset> subsets, std::span<co
 
 // Copies to reached_ the rays that a placed limb can be nearer to than the rest of the body is. Returns the
 // cost of the others.
-double LimbSearch::keep_reached(std::span<const SilhouetteRays> views, Vec3 joint_in_world, double robust_m) {
+double LimbSearch::keep_reached(Vec3 joint_in_world, double robust_m) {
     double max_distance_m = 0;
     for (const BodyCapsule& c : placed_)
         max_distance_m =
             std::max({max_distance_m, norm(Vec3{c.a[0], c.a[1], c.a[2]} - joint_in_world) + c.radius_a,
                       norm(Vec3{c.b[0], c.b[1], c.b[2]} - joint_in_world) + c.radius_b});
     double rest_cost = 0;
-    reached_.resize(views.size());
-    for (std::size_t c = 0; c < views.size(); ++c) {
+    reached_.resize(thinned_.size());
+    for (std::size_t c = 0; c < thinned_.size(); ++c) {
         const RaySubset& all = thinned_[c];
         RaySubset& some = reached_[c];
         clear(some.rays, all.rays.origin_in_world);
@@ -257,7 +242,7 @@ std::optional<BodyPosture> LimbSearch::cheapest(const BodyModel& model, const Bo
     const std::size_t per_limb = placed_.size() / configurations_.size();
     measure_outside(views, placed_, per_limb, robust_m);
     const double rest_cost =
-        keep_reached(views, model.forward(posture).joints_in_world[origin_joint(limb.upper)], robust_m);
+        keep_reached(model.forward(posture).joints_in_world[origin_joint(limb.upper)], robust_m);
     order_.resize(configurations_.size());
     std::iota(order_.begin(), order_.end(), 0);
     std::ranges::stable_sort(order_, {}, [&](int n) { return outside_cost_[n]; });

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "server/pose/body_model.h"
+#include "server/pose/capsule_balls.h"
 #include "server/pose/ray_capsule.h"
 #include "server/pose/silhouette_rays.h"
 
@@ -61,8 +62,7 @@ class LimbSearch {
                                         LimbSearchScope scope, double robust_m, double& best);
     void measure_outside(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules,
                          std::size_t per_body, double robust_m);
-    double keep_reached(std::span<const SilhouetteRays> views, Vec3 joint_in_world, double robust_m);
-    // Incomplete, but at least `limit`, where it exceeds that.
+    double keep_reached(Vec3 joint_in_world, double robust_m);
     double contour_cost(std::span<const RaySubset> subsets, std::span<const BodyCapsule> capsules,
                         double robust_m, double limit);
     double cost(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules,
@@ -74,11 +74,10 @@ class LimbSearch {
     std::vector<int> which_;
     std::vector<BodyCapsule> capsules_;
     std::vector<Configuration> configurations_;
-    std::vector<BodyCapsule> placed_;             // of all configurations, one after the other
-    std::vector<double> outside_cost_;            // of each
-    std::vector<int> order_;                      // by that
-    std::array<std::vector<double>, 4> balls_;    // x, y, z and radius; kBalls.size() per capsule
-    std::array<std::vector<double>, 6> outside_;  // see kernels::OutsideList
+    std::vector<BodyCapsule> placed_;   // of all configurations, one after the other
+    std::vector<double> outside_cost_;  // of each
+    std::vector<int> order_;            // by that
+    CapsuleBalls balls_;
 };
 
 }  // namespace kinevox

@@ -5,7 +5,6 @@
 #include <limits>
 
 #include "common/geometry.h"
-#include "kernels/outside_silhouette.h"
 
 namespace kinevox {
 namespace {
@@ -172,36 +171,16 @@ void PoseCost::contour_terms(int camera, const SilhouetteRays& view, double robu
     }
 }
 
-void PoseCost::list_balls() {
-    const std::size_t count = capsules_.size() * kBalls.size();
-    for (auto& values : balls_) values.resize(count);
-    for (auto& values : outside_) values.resize(count);
-    std::size_t n = 0;
-    for (const BodyCapsule& c : capsules_)
-        for (const double along : kBalls) {
-            const Vec3 p = (1 - along) * point(c.a) + along * point(c.b);
-            balls_[0][n] = p.x, balls_[1][n] = p.y, balls_[2][n] = p.z;
-            balls_[3][n++] = (1 - along) * c.radius_a + along * c.radius_b;
-        }
-}
-
 void PoseCost::inside_terms(int camera, const SilhouetteRays& view, double robust_m) {
     const Camera& c = *view.camera;
-    kernels::measure_outside(pinhole_view(c), view.distance.map(),
-                             {{balls_[0].data(), balls_[1].data(), balls_[2].data()},
-                              balls_[3].data(),
-                              static_cast<int>(balls_[3].size())},
-                             kMinSeenDepth_m,
-                             {outside_[0].data(),
-                              {outside_[1].data(), outside_[2].data(), outside_[3].data()},
-                              {outside_[4].data(), outside_[5].data()}});
+    balls_.measure(view);
     for (std::size_t k = 0; k < capsules_.size(); ++k) {
         for (std::size_t ball = 0; ball < kBalls.size(); ++ball) {
             const std::size_t n = k * kBalls.size() + ball;
-            const double out = outside_[0][n];
+            const double out = balls_.outside_m(n);
             if (out <= 0) continue;
-            const Vec3 in_camera{outside_[1][n], outside_[2][n], outside_[3][n]};
-            const Vec2 slope{outside_[4][n], outside_[5][n]};
+            const Vec3 in_camera = balls_.in_camera(n);
+            const Vec2 slope = balls_.slope(n);
             const double m_per_px = 2 * in_camera.z / (c.fx + c.fy);
             // d pixel / d point, neglecting distortion and movement along the depth.
             const Vec3 in_plane{slope.x * c.fx / in_camera.z * m_per_px,
@@ -212,7 +191,7 @@ void PoseCost::inside_terms(int camera, const SilhouetteRays& view, double robus
             term.camera = camera;
             term.capsule = static_cast<int>(k);
             term.along = kBalls[ball];
-            term.point_in_world = {balls_[0][n], balls_[1][n], balls_[2][n]};
+            term.point_in_world = balls_.in_world(n);
             term.gradient = -(c.camera_from_world.rotation.transposed() * g);
             term.radius_gradient = 1;
             term.residual = out;
@@ -334,7 +313,7 @@ void PoseCost::linearise(const BodyModel& model, const BodyPosture& posture,
     model.capsules(posed_, capsules_);
     terms_.clear();
     cost_ = 0;
-    list_balls();
+    balls_.place(capsules_, kBalls);
     for (std::size_t c = 0; c < views.size(); ++c) {
         if (!views[c].camera) continue;
         contour_terms(static_cast<int>(c), views[c], robust_m);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "server/pose/body_model.h"
+#include "server/pose/capsule_balls.h"
 #include "server/pose/pose_options.h"
 #include "server/pose/ray_capsule.h"
 #include "server/pose/silhouette_rays.h"
@@ -64,7 +65,6 @@ class PoseCost {
     const std::vector<BodyCapsule>& capsules() const { return capsules_; }
 
   private:
-    void list_balls();
     void contour_terms(int camera, const SilhouetteRays& view, double robust_m);
     void inside_terms(int camera, const SilhouetteRays& view, double robust_m);
     void floor_terms();
@@ -80,8 +80,7 @@ class PoseCost {
     std::vector<BodyCapsule> capsules_;
     std::vector<SurfaceTerm> terms_;
     double cost_ = 0;
-    std::array<std::vector<double>, 4> balls_;    // x, y, z and radius; kBalls.size() per capsule
-    std::array<std::vector<double>, 6> outside_;  // of each ball, see kernels::OutsideList
+    CapsuleBalls balls_;  // kBalls.size() per capsule
     NearestCapsules nearest_;
 };
 

@@ -206,8 +206,9 @@ bool PoseTracker::search_protruding(Hypothesis& h, std::span<const SilhouetteRay
             k < kLimbPairs.size() ? kLimbPairs[k] : kArmsAndLegs[k - kLimbPairs.size()];
         return work.limbs.improve_pair(*model_, h.posture, views, first, second, robust_m);
     };
+    const double gain = shows_others(views) ? kClearlyBetter : kBetter;  // whose silhouettes explain any limb
     int found = 0;
-    while (found < kMaxLimbRounds && try_searches(h, views, 2 * kLimbs.size(), kBetter, search_one)) ++found;
+    while (found < kMaxLimbRounds && try_searches(h, views, 2 * kLimbs.size(), gain, search_one)) ++found;
     for (const Limb arm : {Limb::kArmL, Limb::kArmR}) try_mirrored_elbow(workspaces_.front(), h, views, arm);
     return found > 0 ||
            try_searches(h, views, kLimbPairs.size() + kArmsAndLegs.size(), kClearlyBetter, search_two);

@@ -159,17 +159,6 @@ std::optional<double> SilhouetteRays::inside_m(Vec3 in_world) const {
     return *inside_px * (2 * depth / (camera->fx + camera->fy));
 }
 
-kernels::PinholeView pinhole_view(const Camera& c) {
-    kernels::PinholeView view;
-    std::copy(c.camera_from_world.rotation.m.begin(), c.camera_from_world.rotation.m.end(), view.rotation);
-    const Vec3& t = c.camera_from_world.translation;
-    view.translation[0] = t.x, view.translation[1] = t.y, view.translation[2] = t.z;
-    view.fx = c.fx, view.fy = c.fy, view.cx = c.cx, view.cy = c.cy;
-    view.k1 = c.k1, view.k2 = c.k2, view.p1 = c.p1, view.p2 = c.p2, view.k3 = c.k3;
-    view.width = c.width, view.height = c.height;
-    return view;
-}
-
 bool shows_others(std::span<const SilhouetteRays> views) {
     return std::ranges::any_of(
         views, [](const SilhouetteRays& view) { return view.camera && view.distance.has_shared(); });

@@ -59,9 +59,6 @@ struct SilhouetteRays {
     bool shows_alone(Vec3 in_world) const;
 };
 
-kernels::PinholeView pinhole_view(const Camera& camera);
-inline constexpr double kMinSeenDepth_m = 0.2;  // of points for which a silhouette is read
-
 // Whether a view shows foreground of other subjects, too.
 bool shows_others(std::span<const SilhouetteRays> views);
 // Whether at this point all views but one at most show another subject, too, or nothing: a limb may be there

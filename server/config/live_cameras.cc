@@ -1,11 +1,11 @@
-#include "common/live_camera_config.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <system_error>
 
+#include "common/live_camera_config.h"
 #include "common/toml_reader.h"
+#include "server/config/config_reader.h"
 
 namespace kinevox {
 namespace {
@@ -29,7 +29,7 @@ void read_settings(const TomlTable& table, CameraSettings& settings) {
     }
 }
 
-void check(const TomlTable& table, bool check_files_exist, const LiveSourceConfig& cameras) {
+void check_cameras(const TomlTable& table, bool check_files_exist, const LiveSourceConfig& cameras) {
     if (cameras.calibration_file.empty())
         table.fail("calibration_file",
                    "is missing, but kind is \"cameras\"; give the calibration file of the cameras");
@@ -64,7 +64,7 @@ void read_live_cameras(const TomlTable& table, const std::filesystem::path& fold
                        bool required, LiveSourceConfig& cameras) {
     const std::string calibration = table.text_or("calibration_file", "");
     if (!calibration.empty()) cameras.calibration_file = (folder / calibration).lexically_normal();
-    cameras.fps = table.number_or("fps", cameras.fps, {1, 1000});
+    read_options(table, cameras);
     const std::string trigger =
         table.choice_or("trigger", "software", {"software", "external", "camera", "free_run"});
     cameras.trigger = trigger == "free_run"   ? Trigger::kFreeRun
@@ -74,15 +74,6 @@ void read_live_cameras(const TomlTable& table, const std::filesystem::path& fold
     cameras.trigger_input_line = table.text_or("trigger_input_line", cameras.trigger_input_line);
     cameras.trigger_camera = table.text_or("trigger_camera", cameras.trigger_camera);
     cameras.trigger_output_line = table.text_or("trigger_output_line", cameras.trigger_output_line);
-    cameras.ptp = table.boolean_or("ptp", cameras.ptp);
-    cameras.match_tolerance_ms = table.number_or("match_tolerance_ms", cameras.match_tolerance_ms, {0, 1000});
-    cameras.max_wait_ms = table.number_or("max_wait_ms", cameras.max_wait_ms, {1, 5000});
-    cameras.min_cameras = static_cast<int>(table.integer_or("min_cameras", cameras.min_cameras, 1, 64));
-    cameras.max_queued_frame_sets =
-        static_cast<int>(table.integer_or("max_queued_frame_sets", cameras.max_queued_frame_sets, 1, 64));
-    cameras.packet_resend = table.boolean_or("packet_resend", cameras.packet_resend);
-    cameras.packet_size_bytes =
-        static_cast<int>(table.integer_or("packet_size_bytes", cameras.packet_size_bytes, 0, 16000));
     if (cameras.packet_size_bytes > 0 && cameras.packet_size_bytes < 576)
         table.fail("packet_size_bytes",
                    fmt::format("is {}, expected 576 to 16000, or 0 for the largest that arrives; "
@@ -95,7 +86,7 @@ void read_live_cameras(const TomlTable& table, const std::filesystem::path& fold
         read_settings(entry, camera.settings);
         cameras.cameras.push_back(std::move(camera));
     }
-    if (required) check(table, check_files_exist, cameras);
+    if (required) check_cameras(table, check_files_exist, cameras);
 }
 
 }  // namespace kinevox
