@@ -7,12 +7,10 @@
 #include <chrono>
 #include <cstdlib>
 
+#include "common/stopwatch.h"
+
 namespace kinevox {
 namespace {
-
-double ms_since(std::chrono::steady_clock::time_point start) {
-    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-}
 
 // As shown by debuggers and `top -H`.
 void name_thread([[maybe_unused]] std::thread& thread, [[maybe_unused]] const char* name) {
@@ -306,9 +304,9 @@ void Runner::fetch_loop() {
     live_ = cameras;
     for (bool last = false; !last;) {
         if (live_ && !cameras && !fetched_.wait_until_empty()) return;
-        const auto start = std::chrono::steady_clock::now();
+        const Stopwatch waited;
         Fetched fetched{source->next(), 0};
-        fetched.waited_ms = ms_since(start);
+        fetched.waited_ms = waited.ms();
         last = !fetched.frame_set.ok();
         if (!last) {
             live_ = cameras || is_live(fetched.frame_set->capture_time_ns);

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "common/geometry.h"
+#include "common/stopwatch.h"
 #include "server/calibration/board/board_detector.h"
 #include "server/calibration/board/extrinsics.h"
 #include "server/calibration/multi_view.h"
@@ -142,9 +143,9 @@ bool measure_time() {
         }
     }
     int reports = 0;
-    const auto begin = std::chrono::steady_clock::now();
+    const Stopwatch solving;
     const auto result = procedure.solve([&](double, const std::string&) { return ++reports > 0; });
-    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    const double seconds = solving.seconds();
     if (!result.ok()) {
         fmt::print("time: {}\n", std::string(result.status().message()));
         return false;

@@ -18,6 +18,7 @@
 #include <optional>
 
 #include "common/session_file.h"
+#include "common/stopwatch.h"
 #include "server/pipeline/convert.h"
 #include "server/pose/database/database_builder.h"
 #include "server/pose/database/database_search.h"
@@ -80,10 +81,6 @@ double mean_error(const BodyModel& model, const BodyCoordinates& pose, const Joi
     return mean_error(model, posture_from_coordinates(pose), truth);
 }
 
-double ms_since(std::chrono::steady_clock::time_point begin) {
-    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
-}
-
 // The candidates moved to the centre and fitted: the one that explains the silhouettes best.
 BodyPosture refined(const BodyModel& model, const std::vector<Camera>& cameras,
                     const std::vector<kernels::Silhouettes>& silhouettes,
@@ -143,18 +140,18 @@ int run(const std::filesystem::path& session_file, const std::filesystem::path& 
             for (std::size_t n = 0; n < models.size(); ++n)
                 views.push_back({&models[n], silhouettes[n].sharp_pixels > 0 ? &silhouettes[n] : nullptr});
             const Vec3 centre = meeting_point(*cameras, silhouettes);
-            const auto begin = std::chrono::steady_clock::now();
+            const Stopwatch retrieving;
             const auto found = search.propose(views, centre, 8);
-            ms.push_back(ms_since(begin));
+            ms.push_back(retrieving.ms());
             if (found.empty()) continue;
             errors.push_back(mean_error(model, found[0].coordinates, joints));
             double least = 1e9;
             for (const PoseCandidate& one : found)
                 least = std::min(least, mean_error(model, one.coordinates, joints));
             best.push_back(least);
-            const auto fit_begin = std::chrono::steady_clock::now();
+            const Stopwatch fitting;
             const BodyPosture fit = refined(model, *cameras, silhouettes, found, centre);
-            fit_ms.push_back(ms_since(fit_begin));
+            fit_ms.push_back(fitting.ms());
             fitted.push_back(mean_error(model, fit, joints));
             distances.push_back(found[0].distance);
             if (std::getenv("KINEVOX_VERBOSE") && rule == RetrievalRule::kAll)

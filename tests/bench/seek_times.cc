@@ -10,28 +10,25 @@
 #include <string>
 #include <vector>
 
+#include "common/stopwatch.h"
 #include "server/cameras/replay_source.h"
 #include "server/cameras/session_source.h"
 
 namespace {
 
 using namespace kinevox;
-using Clock = std::chrono::steady_clock;
 
 [[noreturn]] void fail(const std::string& why) {
     fmt::print(stderr, "seek_times: {}\n", why);
     std::exit(1);
 }
-double ms_since(Clock::time_point begun) {
-    return std::chrono::duration<double, std::milli>(Clock::now() - begun).count();
-}
 
 // From the request to the frame set, ms.
 double seek(ReplaySource& source, std::int64_t frame) {
-    const auto begun = Clock::now();
+    const Stopwatch stopwatch;
     if (absl::Status sought = source.seek(frame); !sought.ok()) fail(std::string(sought.message()));
     const auto set = source.next();
-    const double ms = ms_since(begun);
+    const double ms = stopwatch.ms();
     if (!set.ok()) fail(std::string(set.status().message()));
     if (set->recorded_frame != frame) fail(fmt::format("frame {} came as {}", frame, *set->recorded_frame));
     return ms;
@@ -50,12 +47,12 @@ std::string summary(std::vector<double> ms) {
 int main(int argc, char** argv) {
     if (argc < 2 || argc > 3) fail("give SESSION.toml [SEEKS]");
     silence_video_libraries();
-    const auto begun = Clock::now();
+    const Stopwatch stopwatch;
     auto source = ReplaySource::open(argv[1], {.paused = true});
     if (!source.ok()) fail(std::string(source.status().message()));
-    const double open_ms = ms_since(begun);
+    const double open_ms = stopwatch.ms();
     if (const auto first = (*source)->next(); !first.ok()) fail(std::string(first.status().message()));
-    const double first_ms = ms_since(begun);
+    const double first_ms = stopwatch.ms();
     const std::int64_t frames = (*source)->position().frame_count;
     const int seeks = argc == 3 ? std::atoi(argv[2]) : 200;
     if (seeks < 1 || frames < 2) fail("there is nothing to seek");

@@ -17,6 +17,7 @@
 #include <thread>
 #include <vector>
 
+#include "common/stopwatch.h"
 #include "tests/bench/grpc_watcher.h"
 #include "tests/bench/http2_watcher.h"
 
@@ -132,11 +133,11 @@ int main(int argc, char** argv) {
     for (int i = 0; i < options.stalled; ++i)
         stalled.push_back(i % 2 == 0 ? poses_of(true) : volumes_of(true));
     std::this_thread::sleep_for(std::chrono::duration<double>(options.warm_up_s));
-    const auto begin = std::chrono::steady_clock::now();
+    const Stopwatch counted;
     counting = true;
     std::this_thread::sleep_for(std::chrono::duration<double>(options.seconds));
     counting = false;
-    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    const double seconds = counted.seconds();
     std::this_thread::sleep_for(std::chrono::milliseconds(200));  // what was being counted is through
     fmt::print(R"({{"seconds":{:.2f},"poses":{},"volumes":{}}})"
                "\n",

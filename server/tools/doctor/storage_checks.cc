@@ -11,6 +11,7 @@
 #include <system_error>
 
 #include "common/calibration_file.h"
+#include "common/stopwatch.h"
 #include "server/tools/doctor/checks.h"
 
 namespace kinevox::doctor {
@@ -58,7 +59,7 @@ double write_speed(const fs::path& folder, std::uint64_t bytes) {
     unsigned random = 1;
     for (char& byte : block)
         byte = static_cast<char>((random = random * 1664525u + 1013904223u) >> 24);  // not compressible
-    const auto begin = std::chrono::steady_clock::now();
+    const Stopwatch writing;
     std::uint64_t written = 0;
     bool ok = true;
     while (ok && written < bytes) {
@@ -68,7 +69,7 @@ double write_speed(const fs::path& folder, std::uint64_t bytes) {
         written += static_cast<std::uint64_t>(std::max<ssize_t>(count, 0));
     }
     ok = ok && fdatasync(file) == 0;
-    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    const double seconds = writing.seconds();
     close(file);
     return ok ? static_cast<double>(written) / std::max(seconds, 1e-6) : -1;
 }

@@ -21,6 +21,7 @@
 #include "common/files.h"
 #include "common/median.h"
 #include "common/session_file.h"
+#include "common/stopwatch.h"
 #include "server/cameras/session_source.h"
 #include "server/pose/body_fitter.h"
 #include "server/pose/pose_stage.h"
@@ -30,12 +31,6 @@
 
 namespace kinevox {
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point start) {
-    return std::chrono::duration<double>(Clock::now() - start).count();
-}
 
 absl::Status learn_background(FrameSource& source, Pipeline& pipeline,
                               const std::filesystem::path& session_file) {
@@ -202,12 +197,12 @@ absl::Status SessionRuns::each_frame_set(const ProcessOptions& options, FrameSou
         if (stop_)
             return absl::CancelledError(
                 fmt::format("stopped after {} frame sets; nothing was written", summary.frames()));
-        const Clock::time_point requested_at = Clock::now();
+        const Stopwatch decoding;
         auto frame_set = source.next();
         if (absl::IsOutOfRange(frame_set.status())) break;
         if (!frame_set.ok()) return frame_set.status();
         if (n % options.every != 0) continue;
-        frame_set->decode_ms = 1000 * seconds_since(requested_at);
+        frame_set->decode_ms = decoding.ms();
         auto result = pipeline.process(std::move(*frame_set));
         if (!result.ok()) return result.status();
         summary.add(**result);
@@ -246,12 +241,12 @@ absl::StatusOr<Run> SessionRuns::run(const ProcessOptions& options) {
         poses.emplace((*source)->cameras(), run.fps, options.pipeline, options.poses);
     QualityPass quality(options.session_file, (*source)->cameras(), *background,
                         options.pipeline.segmentation.judge_faint);
-    const Clock::time_point start = Clock::now();
+    const Stopwatch running;
     if (absl::Status done =
             each_frame_set(options, **source, **pipeline, poses ? &*poses : nullptr, quality, run.summary);
         !done.ok())
         return done;
-    run.wall_s = seconds_since(start);
+    run.wall_s = running.seconds();
     writer_->add_table({"calibration.toml", calibration_toml((*source)->cameras())});
     for (Table& table : certificate_tables(options.session_file)) writer_->add_table(std::move(table));
     const std::vector<PoseRow> rows = poses ? poses->finish(**pipeline) : std::vector<PoseRow>{};

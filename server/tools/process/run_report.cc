@@ -175,7 +175,7 @@ ProgressBar::ProgressBar(std::int64_t total, bool quiet) : total_(total), line_(
 
 void ProgressBar::show(std::int64_t done) {
     if (!line_.due()) return;
-    const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
+    const double seconds = running_.seconds();
     const double rate = static_cast<double>(done) / std::max(seconds, 1e-6);
     if (total_ <= 0) {
         line_.draw(fmt::format("{} frame sets, {:.0f} per second", done, rate));

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/progress_line.h"
+#include "common/stopwatch.h"
 #include "server/pipeline/frame_result.h"
 
 namespace kinevox {
@@ -37,10 +38,9 @@ class ProgressBar {
     void show(std::int64_t done);
 
   private:
-    using Clock = std::chrono::steady_clock;
     std::int64_t total_;
     ProgressLine line_;
-    Clock::time_point start_ = Clock::now();
+    Stopwatch running_;
 };
 
 // The table at the end.

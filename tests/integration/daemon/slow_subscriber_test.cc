@@ -8,6 +8,7 @@
 #include <optional>
 #include <thread>
 
+#include "common/stopwatch.h"
 #include "kinevox/v1/stream_service.grpc.pb.h"
 #include "tests/integration/daemon/daemon_fixture.h"
 
@@ -27,17 +28,14 @@ class SlowSubscriberTest : public testing::DaemonTest {
     // What the daemon does in `seconds`. Here time is the quantity under test, so here is a sleep.
     static Phase observe(client::Client& client, const testing::ChildProcess& daemon, double seconds) {
         Phase phase;
-        const auto begin = std::chrono::steady_clock::now();
+        const Stopwatch observed;
         const auto first = client.status();
         const double cpu_before_ms = daemon.cpu_ms();
-        const auto elapsed = [&] {
-            return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-        };
-        while (elapsed() < seconds) {
+        while (observed.seconds() < seconds) {
             std::this_thread::sleep_for(std::chrono::milliseconds(100));
             phase.max_resident_mb = std::max(phase.max_resident_mb, daemon.resident_mb());
         }
-        const double took = elapsed();
+        const double took = observed.seconds();
         const double results = static_cast<double>(client.status()->result_count() - first->result_count());
         phase.results_per_second = results / took;
         phase.cpu_ms_per_result = (daemon.cpu_ms() - cpu_before_ms) / std::max(results, 1.0);
