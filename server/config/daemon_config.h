@@ -87,9 +87,8 @@ void visit_options(T& o, F&& f) {
        "Enable IEEE 1588 where a camera supports it, so that timestamps are compared directly."},
       o.ptp);
     f({"match_tolerance_ms", 0, 1000, "ms",
-       "Maximum time difference within a frame set; 0: half a frame period, for trigger = \"free_run\" 0.9 "
-       "of "
-       "it."},
+       "Maximum time difference within a frame set; 0: half a frame period, for trigger = \"free_run\" "
+       "0.9 of it."},
       o.match_tolerance_ms);
     f({"max_wait_ms", 1, 5000, "ms", "Maximum wait for missing images."}, o.max_wait_ms);
     f({"min_cameras", 1, 64, "", "Minimum number of images in a frame set."}, o.min_cameras);

@@ -47,6 +47,14 @@ Vec3 mirrored(Vec3 v, bool left) {
 
 }  // namespace
 
+BodyCapsule capsule_in_world(const Rigid3& world_from_segment, BodyCapsule in_segment) {
+    for (float* const end : {in_segment.a, in_segment.b}) {
+        const Vec3 p = world_from_segment * Vec3{end[0], end[1], end[2]};
+        end[0] = static_cast<float>(p.x), end[1] = static_cast<float>(p.y), end[2] = static_cast<float>(p.z);
+    }
+    return in_segment;
+}
+
 BodyModel::BodyModel(const BodyShape& shape) : shape_(shape), capsules_(body_surface(shape)) {
     const BodyShape& s = shape_;
     const double hips_x = -kHipsBehindRoot * s[kRootToSacroiliac],
@@ -95,16 +103,8 @@ PosedBody BodyModel::forward(const BodyPosture& posture) const {
 
 void BodyModel::capsules(const PosedBody& posed, std::vector<BodyCapsule>& out) const {
     out.resize(capsules_.size());
-    const auto place = [](const Rigid3& t, const float* from, float* to) {
-        const Vec3 p = t * Vec3{from[0], from[1], from[2]};
-        to[0] = static_cast<float>(p.x), to[1] = static_cast<float>(p.y), to[2] = static_cast<float>(p.z);
-    };
-    for (std::size_t k = 0; k < capsules_.size(); ++k) {
-        const Rigid3& world_from_segment = posed.world_from_segment[capsules_[k].segment];
-        out[k] = capsules_[k];
-        place(world_from_segment, capsules_[k].a, out[k].a);
-        place(world_from_segment, capsules_[k].b, out[k].b);
-    }
+    for (std::size_t k = 0; k < capsules_.size(); ++k)
+        out[k] = capsule_in_world(posed.world_from_segment[capsules_[k].segment], capsules_[k]);
 }
 
 std::array<DofFrame, kBodyDofCount> BodyModel::dof_frames(const PosedBody& posed) const {

@@ -56,6 +56,8 @@ struct BodyCapsule {
     float radius_a = 0, radius_b = 0;  // m
 };
 
+BodyCapsule capsule_in_world(const Rigid3& world_from_segment, BodyCapsule in_segment);
+
 using JointPositions = std::array<Vec3, kJointNames.size()>;  // in the order of kJointNames
 double max_joint_distance(const JointPositions& a, const JointPositions& b);
 

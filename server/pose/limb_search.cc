@@ -65,14 +65,6 @@ void append(const ContourRays& from, std::size_t ray, ContourRays& to) {
     }
 }
 
-BodyCapsule capsule_in_world(const Rigid3& world_from_segment, BodyCapsule capsule) {
-    for (float* const end : {capsule.a, capsule.b}) {
-        const Vec3 p = world_from_segment * Vec3{end[0], end[1], end[2]};
-        end[0] = static_cast<float>(p.x), end[1] = static_cast<float>(p.y), end[2] = static_cast<float>(p.z);
-    }
-    return capsule;
-}
-
 }  // namespace
 
 LimbSegments segments_of(Limb limb) {
@@ -210,9 +202,9 @@ void LimbSearch::list_configurations(const BodyPosture& posture, const LimbSegme
 }
 
 // Only the limb's part of BodyModel::forward() and capsules().
-void LimbSearch::place_configurations(const BodyModel& model, const BodyPosture& posture,
+void LimbSearch::place_configurations(const BodyModel& model, const PosedBody& posed,
                                       const LimbSegments& limb) {
-    const Rigid3 world_from_parent = model.forward(posture).world_from_segment[kBodyParent[limb.upper]];
+    const Rigid3& world_from_parent = posed.world_from_segment[kBodyParent[limb.upper]];
     placed_.clear();
     for (const Configuration& configuration : configurations_) {
         Vec3 origin = model.offset_in_parent(limb.upper);
@@ -238,11 +230,11 @@ std::optional<BodyPosture> LimbSearch::cheapest(const BodyModel& model, const Bo
                                                 LimbSearchScope scope, double robust_m, double& best) {
     const LimbSegments limb = segments_of(which);
     list_configurations(posture, limb, scope);
-    place_configurations(model, posture, limb);
+    const PosedBody posed = model.forward(posture);
+    place_configurations(model, posed, limb);
     const std::size_t per_limb = placed_.size() / configurations_.size();
     measure_outside(views, placed_, per_limb, robust_m);
-    const double rest_cost =
-        keep_reached(model.forward(posture).joints_in_world[origin_joint(limb.upper)], robust_m);
+    const double rest_cost = keep_reached(posed.joints_in_world[origin_joint(limb.upper)], robust_m);
     order_.resize(configurations_.size());
     std::iota(order_.begin(), order_.end(), 0);
     std::ranges::stable_sort(order_, {}, [&](int n) { return outside_cost_[n]; });

@@ -56,7 +56,7 @@ class LimbSearch {
                std::vector<BodyCapsule>* others);
     void set_rest(std::span<const BodyCapsule> rest);
     void list_configurations(const BodyPosture& posture, const LimbSegments& limb, LimbSearchScope scope);
-    void place_configurations(const BodyModel& model, const BodyPosture& posture, const LimbSegments& limb);
+    void place_configurations(const BodyModel& model, const PosedBody& posed, const LimbSegments& limb);
     std::optional<BodyPosture> cheapest(const BodyModel& model, const BodyPosture& posture,
                                         std::span<const SilhouetteRays> views, Limb which,
                                         LimbSearchScope scope, double robust_m, double& best);

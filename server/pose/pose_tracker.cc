@@ -10,6 +10,7 @@
 #include <limits>
 #include <numbers>
 #include <numeric>
+#include <span>
 #include <utility>
 
 #include "server/pose/key_poses.h"
@@ -32,17 +33,18 @@ constexpr double kUnusualGap = 2.5, kIntervalMemory = 0.9;  // of the usual inte
 constexpr double kBetter = 2,
                  kClearlyBetter =
                      12;  // minimum decrease of the cost by a limb search; 2 is about two contour rays
-// Arms and legs in either order. In the first second of tracking they are searched again at these intervals
-// regardless of the explained fraction: coinciding limbs leave little unexplained.
-constexpr std::array<std::pair<Limb, Limb>, 4> kLimbPairs{{{Limb::kArmL, Limb::kArmR},
-                                                           {Limb::kLegL, Limb::kLegR},
-                                                           {Limb::kArmR, Limb::kArmL},
-                                                           {Limb::kLegR, Limb::kLegL}}};
-// An arm may have taken the place of a raised leg.
-constexpr std::array<std::pair<Limb, Limb>, 4> kArmsAndLegs{{{Limb::kLegL, Limb::kArmL},
-                                                             {Limb::kLegR, Limb::kArmR},
-                                                             {Limb::kLegL, Limb::kArmR},
-                                                             {Limb::kLegR, Limb::kArmL}}};
+// Arms and legs in either order, then an arm that may have taken the place of a raised leg.
+constexpr std::array<std::pair<Limb, Limb>, 8> kAllPairs{{{Limb::kArmL, Limb::kArmR},
+                                                          {Limb::kLegL, Limb::kLegR},
+                                                          {Limb::kArmR, Limb::kArmL},
+                                                          {Limb::kLegR, Limb::kLegL},
+                                                          {Limb::kLegL, Limb::kArmL},
+                                                          {Limb::kLegR, Limb::kArmR},
+                                                          {Limb::kLegL, Limb::kArmR},
+                                                          {Limb::kLegR, Limb::kArmL}}};
+// In the first second of tracking these are searched again at the intervals below regardless of the explained
+// fraction: coinciding limbs leave little unexplained.
+constexpr auto kLimbPairs = std::span(kAllPairs).first<4>();
 constexpr double kPairIntervals = 7, kFrequentPairIntervals = 3;  // reference intervals
 constexpr double kPairSeconds = 1;
 // The body that faces the other way is fitted, too, at these intervals. Its decrease of the cost is summed,
@@ -190,8 +192,7 @@ void PoseTracker::search_all(Workspace& work, Hypothesis& h, std::span<const Sil
         search_limb(work, h, views, limb, LimbSearchScope::kWhole);
         search_limb(work, h, views, limb, LimbSearchScope::kLower);
     }
-    for (const auto& [first, second] : kLimbPairs) search_pair(work, h, views, first, second);
-    for (const auto& [first, second] : kArmsAndLegs) search_pair(work, h, views, first, second);
+    for (const auto& [first, second] : kAllPairs) search_pair(work, h, views, first, second);
 }
 
 // The limb whose search lowers the cost the most, and further ones; pairs where no limb is found.
@@ -202,16 +203,14 @@ bool PoseTracker::search_protruding(Hypothesis& h, std::span<const SilhouetteRay
         return work.limbs.improve(*model_, h.posture, views, kLimbs[k % kLimbs.size()], scope, robust_m);
     };
     const auto search_two = [&](Workspace& work, std::size_t k) {
-        const auto& [first, second] =
-            k < kLimbPairs.size() ? kLimbPairs[k] : kArmsAndLegs[k - kLimbPairs.size()];
+        const auto& [first, second] = kAllPairs[k];
         return work.limbs.improve_pair(*model_, h.posture, views, first, second, robust_m);
     };
     const double gain = shows_others(views) ? kClearlyBetter : kBetter;  // whose silhouettes explain any limb
     int found = 0;
     while (found < kMaxLimbRounds && try_searches(h, views, 2 * kLimbs.size(), gain, search_one)) ++found;
     for (const Limb arm : {Limb::kArmL, Limb::kArmR}) try_mirrored_elbow(workspaces_.front(), h, views, arm);
-    return found > 0 ||
-           try_searches(h, views, kLimbPairs.size() + kArmsAndLegs.size(), kClearlyBetter, search_two);
+    return found > 0 || try_searches(h, views, kAllPairs.size(), kClearlyBetter, search_two);
 }
 
 // Runs `search` of 0 to count - 1 in parallel and replaces the posture by the best fit of what they find if

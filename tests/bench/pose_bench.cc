@@ -56,31 +56,28 @@ void fit(benchmark::State& state) {
     for (auto _ : state) benchmark::DoNotOptimize(fitter.fit(*scene.model, views, posture, nullptr, true));
 }
 
-void search_limb(benchmark::State& state) {
+// `search` of a LimbSearch from a perturbed posture.
+template <typename Search>
+void search(benchmark::State& state, const Search& search) {
     const testing::SeenBody scene = seen_by(static_cast<int>(state.range(0)));
     const std::vector<SilhouetteRays> views = scene.see(scene.standing());
     const BodyPosture posture = perturbed(scene, 6);
-    LimbSearch search;
-    for (auto _ : state)
-        benchmark::DoNotOptimize(
-            search.improve(*scene.model, posture, views, Limb::kArmL, LimbSearchScope::kWhole, 0.08));
+    LimbSearch limbs;
+    for (auto _ : state) benchmark::DoNotOptimize(search(limbs, *scene.model, posture, views));
 }
-
-void search_pair(benchmark::State& state) {
-    const testing::SeenBody scene = seen_by(static_cast<int>(state.range(0)));
-    const std::vector<SilhouetteRays> views = scene.see(scene.standing());
-    const BodyPosture posture = perturbed(scene, 6);
-    LimbSearch search;
-    for (auto _ : state)
-        benchmark::DoNotOptimize(
-            search.improve_pair(*scene.model, posture, views, Limb::kArmL, Limb::kArmR, 0.08));
-}
+constexpr double kRobust_m = 0.08;
+constexpr auto kOneLimb = [](LimbSearch& limbs, auto&&... scene) {
+    return limbs.improve(scene..., Limb::kArmL, LimbSearchScope::kWhole, kRobust_m);
+};
+constexpr auto kPair = [](LimbSearch& limbs, auto&&... scene) {
+    return limbs.improve_pair(scene..., Limb::kArmL, Limb::kArmR, kRobust_m);
+};
 
 BENCHMARK(read_view)->Unit(benchmark::kMicrosecond);
 BENCHMARK(linearise)->Unit(benchmark::kMicrosecond)->ArgName("cameras")->Arg(4)->Arg(8);
 BENCHMARK(fit)->Unit(benchmark::kMicrosecond)->ArgName("cameras")->Arg(4)->Arg(8);
-BENCHMARK(search_limb)->Unit(benchmark::kMicrosecond)->ArgName("cameras")->Arg(4)->Arg(8);
-BENCHMARK(search_pair)->Unit(benchmark::kMicrosecond)->ArgName("cameras")->Arg(4)->Arg(8);
+BENCHMARK_CAPTURE(search, limb, kOneLimb)->Unit(benchmark::kMicrosecond)->ArgName("cameras")->Arg(4)->Arg(8);
+BENCHMARK_CAPTURE(search, pair, kPair)->Unit(benchmark::kMicrosecond)->ArgName("cameras")->Arg(4)->Arg(8);
 
 }  // namespace
 }  // namespace kinevox
