@@ -1,5 +1,5 @@
-// Access control in [server]; deploy/kinevoxd.toml documents every key, docs/access.md
-// how they combine.
+// Access control in [server]; deploy/kinevoxd.toml documents every key, docs/access.md how they combine.
+// server/config/daemon_config.h lists and reads them.
 #pragma once
 
 #include <filesystem>
@@ -7,15 +7,13 @@
 
 namespace kinevox {
 
-class TomlTable;
-
 struct AccessConfig {
     std::filesystem::path tls_certificate_file, tls_key_file;  // PEM, absolute; both or neither
     std::filesystem::path tls_client_ca_file;                  // PEM; empty: clients need no certificate
     std::filesystem::path token_file;                          // empty: no tokens
     std::optional<std::filesystem::path> audit_file;           // empty: off; not given: in the state folder
 
-    // [server.limits], described in server/config/daemon_config.h
+    // [server.limits]
     int max_request_mb = 32;
     int max_streams = 1000;
     int max_streams_per_token = 250;
@@ -23,9 +21,5 @@ struct AccessConfig {
     double handshake_timeout_s = 10;
     bool operator==(const AccessConfig&) const = default;
 };
-
-// [server] but for its limits.
-void read_access(const TomlTable& server, const std::filesystem::path& folder, bool check_files_exist,
-                 AccessConfig& access);
 
 }  // namespace kinevox

@@ -242,11 +242,19 @@ bool TomlTable::boolean_or(std::string_view key, bool fallback) const {
 }
 
 std::string TomlTable::choice_or(std::string_view key, std::string fallback,
-                                 const std::vector<std::string_view>& allowed) const {
+                                 std::span<const std::string_view> allowed) const {
+    const std::size_t index = choice_index_or(key, allowed.size(), allowed);
+    return index < allowed.size() ? std::string(allowed[index]) : fallback;
+}
+
+std::size_t TomlTable::choice_index_or(std::string_view key, std::size_t fallback,
+                                       std::span<const std::string_view> allowed) const {
     const void* found = find(key);
     if (!found) return fallback;
     const auto* text = static_cast<const toml::node*>(found)->as_string();
-    if (text && std::find(allowed.begin(), allowed.end(), text->get()) != allowed.end()) return text->get();
+    if (text)
+        if (const auto same = std::ranges::find(allowed, text->get()); same != allowed.end())
+            return static_cast<std::size_t>(same - allowed.begin());
     wrong(key, found, fmt::format("one of \"{}\"", fmt::join(allowed, "\", \"")));
     return fallback;
 }

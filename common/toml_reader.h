@@ -59,9 +59,11 @@ class TomlTable {
     bool boolean_or(std::string_view key, bool fallback) const;
     // An array of texts, empty if the key is missing.
     std::vector<std::string> texts_or_empty(std::string_view key) const;
-    // One of `allowed`.
+    // One of `allowed`, or its index.
     std::string choice_or(std::string_view key, std::string fallback,
-                          const std::vector<std::string_view>& allowed) const;
+                          std::span<const std::string_view> allowed) const;
+    std::size_t choice_index_or(std::string_view key, std::size_t fallback,
+                                std::span<const std::string_view> allowed) const;
 
     // Tables. table_or_empty: a missing table is one without keys. tables: [[key]], none if it is missing.
     TomlTable table_or_empty(std::string_view key) const;

@@ -1,6 +1,6 @@
-// The daemon's configuration file; deploy/kinevoxd.toml documents every key. Numbers and switches are listed
-// once, beside their defaults (kernels/option_list.h): those of a part by the part, the others here. Texts
-// and paths are read by daemon_config.cc.
+// The daemon's configuration file; deploy/kinevoxd.toml documents every key. Options are listed once, beside
+// their defaults (kernels/option_list.h): those of a part by the part, the others here. Only regions, points
+// and the cameras' own tables are read by hand.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -21,6 +21,8 @@
 #include "kernels/hull.h"
 #include "kernels/option_list.h"
 #include "kernels/segmentation.h"
+#include "kernels/types.h"
+#include "server/cameras/studio/motion_names.h"
 #include "server/pipeline/tracking/tracker.h"
 #include "server/pose/pose_options.h"
 
@@ -28,15 +30,32 @@ namespace kinevox {
 
 struct PipelineOptions;
 
-// The motions of the virtual studio.
-inline constexpr std::array<std::string_view, 6> kStudioMotions{"walk",  "run",          "sprint_start",
-                                                                "squat", "jumping_jack", "arm_raise"};
+// Paths of the configuration are absolute after reading. Of a path that is not given, the default is in the
+// state folder if it is optional, else it is empty; an empty one switches off what it stores.
+using OptionalPath = std::optional<std::filesystem::path>;
 
 struct ServerConfig {
-    std::string listen = "127.0.0.1:50770";  // HOST:PORT; port 0 takes a free one
+    std::string listen = "127.0.0.1:50770";
     AccessConfig access;
     bool operator==(const ServerConfig&) const = default;
 };
+
+template <typename T, typename F>
+requires kernels::SameOptions<T, ServerConfig>
+void visit_options(T& o, F&& f) {
+    using kernels::text_option;
+    f(text_option("listen", "HOST:PORT of the gRPC server."), o.listen);
+    f(text_option("tls_certificate_file", "TLS certificate with its chain, and its key, PEM."),
+      o.access.tls_certificate_file);
+    f(text_option("tls_key_file", "TLS certificate with its chain, and its key, PEM."),
+      o.access.tls_key_file);
+    f(text_option("tls_client_ca_file",
+                  "Require client certificates of this authority, in addition to tokens."),
+      o.access.tls_client_ca_file);
+    f(text_option("token_file", "Access tokens and roles, managed by `kinevox token`."), o.access.token_file);
+    f(text_option("audit_file", "Audit log: one JSON line per operating or refused call."),
+      o.access.audit_file);
+}
 
 // [server.limits]
 template <typename T, typename F>
@@ -55,7 +74,7 @@ void visit_options(T& o, F&& f) {
 }
 
 struct StudioConfig {
-    std::string motion = "walk";  // one of kStudioMotions
+    std::string motion = "walk";
     int camera_count = 4;
     int width_px = 640, height_px = 480;
     double fps = 30;
@@ -67,6 +86,7 @@ struct StudioConfig {
 template <typename T, typename F>
 requires kernels::SameOptions<T, StudioConfig>
 void visit_options(T& o, F&& f) {
+    f(kernels::text_option("motion", "Motion of the subject.", studio::kMotionNames), o.motion);
     f({"camera_count", 2, 64, "", "Number of cameras around the subject."}, o.camera_count);
     f({"width_px", 64, 4096, "px", "Width of their images."}, o.width_px);
     f({"height_px", 64, 4096, "px", "Height of their images."}, o.height_px);
@@ -76,10 +96,18 @@ void visit_options(T& o, F&& f) {
       o.stature_m);
 }
 
+inline constexpr std::array<std::string_view, 4> kTriggers{"free_run", "software", "external", "camera"};
+
 // [source.cameras]
 template <typename T, typename F>
 requires kernels::SameOptions<T, LiveSourceConfig>
 void visit_options(T& o, F&& f) {
+    using kernels::text_option;
+    f(text_option("calibration_file", "Calibration with the name of each camera."), o.calibration_file);
+    f(text_option("trigger", "Synchronisation of the exposures.", kTriggers), o.trigger);
+    f(text_option("trigger_input_line", "Input line that triggers a camera."), o.trigger_input_line);
+    f(text_option("trigger_camera", "Camera that triggers the others."), o.trigger_camera);
+    f(text_option("trigger_output_line", "Output line of trigger_camera."), o.trigger_output_line);
     f({"fps", 1, 1000, "Hz",
        "Images per second of each camera; for trigger = \"external\" those of the generator."},
       o.fps);
@@ -100,11 +128,14 @@ void visit_options(T& o, F&& f) {
       o.packet_size_bytes);
 }
 
+inline constexpr std::array<std::string_view, 3> kSourceKinds{"studio", "session", "cameras"};
+inline constexpr std::array<std::string_view, 2> kPacings{"real_time", "as_fast_as_possible"};
+
 struct SourceConfig {
     enum class Kind { kStudio, kSession, kCameras };
     enum class Pacing { kRealTime, kAsFastAsPossible };
     Kind kind = Kind::kStudio;
-    std::filesystem::path session_file;  // absolute after reading; for Kind::kSession
+    std::filesystem::path session_file;  // for Kind::kSession
     Pacing pacing = Pacing::kRealTime;
     bool loop = true;
     bool autostart = true;
@@ -116,14 +147,19 @@ struct SourceConfig {
 template <typename T, typename F>
 requires kernels::SameOptions<T, SourceConfig>
 void visit_options(T& o, F&& f) {
+    using kernels::text_option;
+    f(text_option("kind", "Image source.", kSourceKinds), o.kind);
+    f(text_option("session_file", "session.toml of the recorded session."), o.session_file);
+    f(text_option("pacing", "Playback of a session.", kPacings), o.pacing);
     f({"loop", 0, 1, "", "Restart after the last frame set."}, o.loop);
     f({"autostart", 0, 1, "", "Start capturing when the daemon starts; false: wait for `kinevox start`."},
       o.autostart);
 }
 
+inline constexpr std::array<std::string_view, 2> kDevices{"cpu", "cuda"};
+
 struct PipelineConfig {
-    enum class Device { kCpu, kCuda };
-    Device device = Device::kCpu;
+    kernels::Device device = kernels::Device::kCpu;
     double voxel_mm = 10;
     bool colouring = true;
     int threads = 0;
@@ -133,6 +169,7 @@ struct PipelineConfig {
 template <typename T, typename F>
 requires kernels::SameOptions<T, PipelineConfig>
 void visit_options(T& o, F&& f) {
+    f(kernels::text_option("device", "Where images are segmented and volumes carved.", kDevices), o.device);
     f({"voxel_mm", 2, 100, "mm", "Voxel edge; halving it takes about four times as long."}, o.voxel_mm);
     f({"colouring", 0, 1, "", "Photo-consistency carving and colouring."}, o.colouring);
     f({"threads", 0, 1024, "", "Compute threads; 0: one per core."}, o.threads);
@@ -141,8 +178,7 @@ void visit_options(T& o, F&& f) {
 struct SegmentationConfig {
     kernels::SegmentationOptions options;
     bool auto_judge_faint = true;
-    // Stores the background of live cameras, absolute; empty: off; not given: in the state folder.
-    std::optional<std::filesystem::path> background_folder;
+    OptionalPath background_folder;
     bool operator==(const SegmentationConfig&) const = default;
 };
 
@@ -153,17 +189,19 @@ void visit_options(T& o, F&& f) {
        "Without judge_faint: try it live where the posed body does not fit the silhouettes, keep it where it "
        "helps."},
       o.auto_judge_faint);
+    f(kernels::text_option(
+          "background_folder",
+          "Folder that stores the background learned from live cameras, for the next start."),
+      o.background_folder);
 }
 
 struct PoseConfig {
     bool enabled = true;
     PoseStageOptions options;         // its body stays the default: body_file is read by pipeline_options()
-    std::filesystem::path body_file;  // absolute; empty: an adult of average build
+    std::filesystem::path body_file;  // empty: an adult of average build
     bool auto_fit_body = true;
-    // Stores a body fitted on request, absolute; empty: off; not given: in the state folder.
-    std::optional<std::filesystem::path> fitted_body_file;
-    // Absolute; empty: no database; not given: in the state folder.
-    std::optional<std::filesystem::path> database_file;
+    OptionalPath fitted_body_file;
+    OptionalPath database_file;
     int library_pose_count = 1400;
     bool operator==(const PoseConfig&) const = default;
 };
@@ -176,19 +214,36 @@ void visit_options(T& o, F&& f) {
        "Without body_file: fit a body to each person from the first frame sets on, and again to the first "
        "six seconds, in the background."},
       o.auto_fit_body);
+    using kernels::text_option;
+    f(text_option("body_file",
+                  "Body of the subject, fitted by `kinevox process` or by the "
+                  "daemon."),
+      o.body_file);
+    f(text_option("fitted_body_file",
+                  "File for the last body fitted on request; used when the daemon starts."),
+      o.fitted_body_file);
+    f(text_option("database_file", "Pose database, which finds a body that is not tracked yet."),
+      o.database_file);
     f({"library_pose_count", 1, 4000, "", "Number of library poses."}, o.library_pose_count);
 }
 
 struct CalibrationConfig {
-    // Stores calibrations, absolute; empty: off; not given: in the state folder.
-    std::optional<std::filesystem::path> folder;
+    OptionalPath folder;
     bool operator==(const CalibrationConfig&) const = default;
 };
 
+template <typename T, typename F>
+requires kernels::SameOptions<T, CalibrationConfig>
+void visit_options(T& o, F&& f) {
+    f(kernels::text_option("folder", "Folder that stores calibrations and which of them is active."),
+      o.folder);
+}
+
+inline constexpr std::array<std::string_view, 3> kCodecs{"ffv1", "utvideo", "h264"};
+
 struct RecordingConfig {
-    // Stores recordings, absolute; empty: off; not given: in the state folder.
-    std::optional<std::filesystem::path> folder;
-    std::string codec = "utvideo";  // ffv1, utvideo or h264
+    OptionalPath folder;
+    std::string codec = "utvideo";
     bool save_poses = true, save_volumes = true;
     double max_buffer_s = 0;
     int max_buffer_mb = 1024;
@@ -202,6 +257,9 @@ struct RecordingConfig {
 template <typename T, typename F>
 requires kernels::SameOptions<T, RecordingConfig>
 void visit_options(T& o, F&& f) {
+    using kernels::text_option;
+    f(text_option("folder", "Folder that stores recordings, one folder each."), o.folder);
+    f(text_option("codec", "Video codec.", kCodecs), o.codec);
     f({"save_poses", 0, 1, "", "Store the poses with the images."}, o.save_poses);
     f({"save_volumes", 0, 1, "", "Store the volumes with the images."}, o.save_volumes);
     f({"max_buffer_s", 0, 3600, "s",
@@ -220,7 +278,7 @@ void visit_options(T& o, F&& f) {
 }
 
 struct ReplayConfig {
-    // Folders below which sessions may be replayed, besides the recordings'; absolute.
+    // Folders below which sessions may be replayed, besides the recordings'.
     std::vector<std::filesystem::path> folders;
     bool operator==(const ReplayConfig&) const = default;
 };
@@ -266,15 +324,34 @@ void visit_options(T& o, F&& f) {
 }
 
 struct MetricsConfig {
-    std::string listen;  // HOST:PORT of the Prometheus endpoint; empty: off
+    std::string listen;  // empty: off
     bool operator==(const MetricsConfig&) const = default;
 };
 
+template <typename T, typename F>
+requires kernels::SameOptions<T, MetricsConfig>
+void visit_options(T& o, F&& f) {
+    f(kernels::text_option(
+          "listen",
+          "HOST:PORT of the Prometheus endpoint, at /metrics over plain HTTP without authentication."),
+      o.listen);
+}
+
+inline constexpr std::array<std::string_view, 6> kLogLevels{"trace",   "debug", "info",
+                                                            "warning", "error", "off"};
+
 struct LogConfig {
-    std::string level = "info";  // trace, debug, info, warning, error or off
-    std::filesystem::path file;  // absolute after reading; empty: standard error only
+    std::string level = "info";
+    std::filesystem::path file;  // empty: standard error only
     bool operator==(const LogConfig&) const = default;
 };
+
+template <typename T, typename F>
+requires kernels::SameOptions<T, LogConfig>
+void visit_options(T& o, F&& f) {
+    f(kernels::text_option("level", "Lowest level that is logged.", kLogLevels), o.level);
+    f(kernels::text_option("file", "Also log to this file."), o.file);
+}
 
 struct DaemonConfig {
     ServerConfig server;
@@ -295,20 +372,25 @@ struct DaemonConfig {
     bool operator==(const DaemonConfig&) const = default;
 };
 
-// Calls f(TABLE, options) for each table of the file whose numbers and switches are listed above; those of
-// the pipeline's parts are in visit_option_tables().
+// Calls f(TABLE, options) for each table of the file whose options are listed above; those of the pipeline's
+// parts are in visit_option_tables().
 template <typename T, typename F>
 requires kernels::SameOptions<T, DaemonConfig>
 void visit_config_tables(T& config, F&& f) {
+    f("server", config.server);
     f("server.limits", config.server.access);
     f("source", config.source);
     f("source.studio", config.source.studio);
     f("source.cameras", config.source.cameras);
     f("pipeline", config.pipeline);
+    f("segmentation", config.segmentation);
     f("pose", config.pose);
+    f("calibration", config.calibration);
     f("recording", config.recording);
     f("stream", config.stream);
     f("control", config.control);
+    f("metrics", config.metrics);
+    f("log", config.log);
 }
 
 // Keys that were renamed before version 1; one in a file is an error that names the new one.

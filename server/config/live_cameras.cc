@@ -1,7 +1,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <system_error>
+#include <array>
+#include <string_view>
 
 #include "common/live_camera_config.h"
 #include "common/toml_reader.h"
@@ -12,12 +13,14 @@ namespace {
 
 using Trigger = LiveSourceConfig::Trigger;
 
+constexpr std::array<std::string_view, 3> kWhiteBalances{"off", "once", "continuous"};
+
 void read_settings(const TomlTable& table, CameraSettings& settings) {
     settings.pixel_format = table.text_or("pixel_format", settings.pixel_format);
     if (table.has("exposure_us")) settings.exposure_us = table.number("exposure_us", {1, 1e6});
     if (table.has("gain_db")) settings.gain_db = table.number("gain_db", {-20, 100});
     if (table.has("white_balance"))
-        settings.white_balance = table.choice_or("white_balance", "off", {"off", "once", "continuous"});
+        settings.white_balance = table.choice_or("white_balance", "off", kWhiteBalances);
     if (table.has("white_balance_ratios")) {
         const auto ratios = table.numbers("white_balance_ratios", 3, 3, {0.05, 20});
         if (ratios.size() == 3) settings.white_balance_ratios = {ratios[0], ratios[1], ratios[2]};
@@ -33,12 +36,8 @@ void check_cameras(const TomlTable& table, bool check_files_exist, const LiveSou
     if (cameras.calibration_file.empty())
         table.fail("calibration_file",
                    "is missing, but kind is \"cameras\"; give the calibration file of the cameras");
-    std::error_code ignored;
-    if (check_files_exist && !std::filesystem::exists(cameras.calibration_file, ignored))
-        table.fail(
-            "calibration_file",
-            fmt::format("is {}, which does not exist; correct the path", cameras.calibration_file.string()),
-            absl::StatusCode::kNotFound);
+    if (check_files_exist)
+        require_file(table, "calibration_file", cameras.calibration_file, "correct the path");
     if (cameras.cameras.empty())
         table.fail("camera",
                    "is missing, but kind is \"cameras\"; add a [[source.cameras.camera]] for each camera");
@@ -62,18 +61,7 @@ void check_cameras(const TomlTable& table, bool check_files_exist, const LiveSou
 
 void read_live_cameras(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist,
                        bool required, LiveSourceConfig& cameras) {
-    const std::string calibration = table.text_or("calibration_file", "");
-    if (!calibration.empty()) cameras.calibration_file = (folder / calibration).lexically_normal();
-    read_options(table, cameras);
-    const std::string trigger =
-        table.choice_or("trigger", "software", {"software", "external", "camera", "free_run"});
-    cameras.trigger = trigger == "free_run"   ? Trigger::kFreeRun
-                      : trigger == "external" ? Trigger::kExternal
-                      : trigger == "camera"   ? Trigger::kCamera
-                                              : Trigger::kSoftware;
-    cameras.trigger_input_line = table.text_or("trigger_input_line", cameras.trigger_input_line);
-    cameras.trigger_camera = table.text_or("trigger_camera", cameras.trigger_camera);
-    cameras.trigger_output_line = table.text_or("trigger_output_line", cameras.trigger_output_line);
+    read_options(table, folder, cameras);
     if (cameras.packet_size_bytes > 0 && cameras.packet_size_bytes < 576)
         table.fail("packet_size_bytes",
                    fmt::format("is {}, expected 576 to 16000, or 0 for the largest that arrives; "

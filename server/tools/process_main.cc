@@ -98,7 +98,7 @@ absl::Status apply_config(const CLI::App& app, Arguments& arguments) {
     if (app.count("--max-subjects") > 0) arguments.options.pipeline.tracker.max_subjects = max_subjects;
     if (app.count("--background-samples") > 0) arguments.options.pipeline.segmentation.samples = samples;
     if (app.count("--device") == 0)
-        arguments.device = config->pipeline.device == kinevox::PipelineConfig::Device::kCuda ? "cuda" : "cpu";
+        arguments.device = config->pipeline.device == kinevox::kernels::Device::kCuda ? "cuda" : "cpu";
     if (app.count("--voxel-mm") == 0) arguments.voxel_mm = config->pipeline.voxel_mm;
     if (app.count("--threads") == 0) arguments.threads = config->pipeline.threads;
     arguments.no_colouring = arguments.no_colouring || !config->pipeline.colouring;

@@ -11,13 +11,10 @@
 #include <vector>
 
 #include "common/geometry.h"
+#include "server/cameras/studio/motion_names.h"
 #include "server/cameras/studio/rig.h"
 
 namespace kinevox::studio {
-
-inline constexpr std::array<std::string_view, 11> kMotionNames{
-    "walk",  "run",  "sprint_start", "squat", "jumping_jack", "arm_raise",
-    "stand", "jump", "punch",        "kick",  "get_up"};
 
 enum class Stage {
     kRoom,

@@ -58,7 +58,7 @@ bool read(const TomlTable& table, std::string_view key, Vec3& out) {
 }
 
 void read_motion(const TomlTable& table, PersonOptions& out) {
-    out.motion = table.choice_or("name", out.motion, {kMotionNames.begin(), kMotionNames.end()});
+    out.motion = table.choice_or("name", out.motion, kMotionNames);
     out.motion_speed = table.number_or("speed", out.motion_speed, {0.2, 3});
     out.motion_start_s = table.number_or("start_s", out.motion_start_s, {0, 100});
     out.motion_yaw_deg = table.number_or("yaw_deg", out.motion_yaw_deg, {-360, 360});
@@ -124,7 +124,8 @@ void read_people(const TomlTable& root, StudioOptions& out) {
 }
 
 void read_room(const TomlTable& table, StudioOptions& out) {
-    out.stage = table.choice_or("stage", out.stage, {"auto", "room", "lane"});
+    static constexpr std::array<std::string_view, 3> kStages{"auto", "room", "lane"};
+    out.stage = table.choice_or("stage", out.stage, kStages);
     choose(table, "floor", kFloors, out.room.floor);
     choose(table, "walls", kWalls, out.room.walls);
     read(table, "floor_colour", out.room.floor_colour);

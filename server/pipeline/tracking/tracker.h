@@ -5,9 +5,11 @@
 // where a volume was carved.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/camera.h"
@@ -25,7 +27,7 @@ namespace kinevox {
 struct TrackerOptions {
     int max_subjects = 1;
     double recognise_within_s = 600;
-    SubjectRules rules;  // not listed below, since they are no numbers
+    SubjectRules rules;
     double voxel_m = 0.01;
     double margin_m = 0.03;
     double max_lattice_side_m = 2.5;  // arms spread are 1.9 m
@@ -53,11 +55,16 @@ struct TrackerOptions {
     bool operator==(const TrackerOptions&) const = default;
 };
 
-// All but voxel_m, which is the pipeline's, and the rules.
+inline constexpr std::array<std::string_view, 2> kFollowRules{"first", "nearest"};
+
+// All but voxel_m, which is the pipeline's, and of the rules the points and regions.
 template <typename T, typename F>
 requires kernels::SameOptions<T, TrackerOptions>
 void visit_options(T& o, F&& f) {
     f({"max_subjects", 1, 16, "", "Maximum number of subjects followed at once."}, o.max_subjects);
+    f(kernels::text_option("follow", "Who is followed if there are more people than max_subjects.",
+                           kFollowRules),
+      o.rules.follow);
     f({"recognise_within_s", 0, 86400, "s",
        "Absence after which a returning person is a new subject; 0: always."},
       o.recognise_within_s);

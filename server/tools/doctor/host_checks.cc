@@ -32,7 +32,7 @@ std::string driver_version(const Machine& machine) {
 }  // namespace
 
 Findings check_gpu(const Facts& facts) {
-    const bool wanted = facts.settings().pipeline.device == PipelineConfig::Device::kCuda;
+    const bool wanted = facts.settings().pipeline.device == kernels::Device::kCuda;
     const Severity worst = wanted ? Severity::kError : Severity::kWarning;
     const std::string unused = wanted ? "" : "; the configuration computes on the CPU";
     const std::string version = driver_version(facts.machine);

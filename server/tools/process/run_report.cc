@@ -9,6 +9,7 @@
 #include <limits>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <vector>
 
 #include "common/files.h"
@@ -91,7 +92,6 @@ absl::Status add_session(const fs::path& file, Fingerprint& fingerprint) {
 }
 
 void add_rules(const SubjectRules& rules, Fingerprint& fingerprint) {
-    fingerprint.add_number(static_cast<int>(rules.follow));
     fingerprint.add_number(rules.point.x);
     fingerprint.add_number(rules.point.y);
     for (const auto* regions : {&rules.capture_regions, &rules.keep_out_regions}) {
@@ -121,7 +121,10 @@ absl::StatusOr<std::string> run_fingerprint(const ProcessOptions& options) {
         fingerprint.add(table);
         visit_options(part, [&](const kernels::OptionInfo& info, const auto& value) {
             fingerprint.add(info.key);
-            fingerprint.add_number(value);
+            if constexpr (std::is_enum_v<std::remove_cvref_t<decltype(value)>>)
+                fingerprint.add_number(static_cast<int>(value));
+            else
+                fingerprint.add_number(value);
         });
     });
     add_rules(pipeline.tracker.rules, fingerprint);

@@ -68,13 +68,20 @@ TEST(Config, ExampleHoldsEveryListedOption) {
                                                         std::regex(R"( \([^()]*\))"), "");
         visit_options(options, [&](const kernels::OptionInfo& info, const auto& value) {
             std::smatch found;
-            ASSERT_TRUE(std::regex_search(section, found, std::regex(fmt::format("\n{} = (.*)", info.key))))
+            ASSERT_TRUE(
+                std::regex_search(section, found, std::regex(fmt::format("\n(# )?{} = (.*)", info.key))))
                 << table << "." << info.key;
             using Value = std::remove_cvref_t<decltype(value)>;
             if constexpr (std::is_same_v<Value, bool>)
-                EXPECT_EQ(found[1], value ? "true" : "false") << info.key;
-            else
-                EXPECT_EQ(static_cast<Value>(std::stod(found[1])), value) << info.key;
+                EXPECT_EQ(found[2], value ? "true" : "false") << info.key;
+            else if constexpr (kernels::kIsNumber<Value>)
+                EXPECT_EQ(static_cast<Value>(std::stod(found[2])), value) << info.key;
+            else if constexpr (std::is_enum_v<Value>)
+                EXPECT_EQ(found[2], fmt::format("\"{}\"", info.choices[static_cast<std::size_t>(value)]));
+            else  // the example shows a path or name where the default is empty
+                EXPECT_EQ(found[1].matched, value == Value{} && found[2] != "\"\"") << info.key;
+            for (const std::string_view choice : info.choices)
+                EXPECT_THAT(comments, HasSubstr(choice)) << table << "." << info.key;
             std::string help = info.help;
             ASSERT_TRUE(help.ends_with('.')) << info.key;
             help.pop_back();
@@ -86,7 +93,33 @@ TEST(Config, ExampleHoldsEveryListedOption) {
     const DaemonConfig config;
     visit_option_tables(pipeline, check);
     visit_config_tables(config, check);
-    EXPECT_GT(listed, 100);
+    EXPECT_GT(listed, 125);
+}
+
+TEST(Config, AcceptsEveryListedChoice) {
+    int choices = 0;
+    const DaemonConfig defaults;
+    const auto check = [&](const std::string& table, const auto& options) {
+        visit_options(options, [&](const kernels::OptionInfo& info, const auto&) {
+            for (const std::string_view choice : info.choices) {
+                const auto config = parse_config_toml(
+                    fmt::format("[{}]\n{} = '{}'\n", table, info.key, choice), "/", "probe", false);
+                EXPECT_THAT(std::string(config.status().message()),
+                            ::testing::Not(HasSubstr(fmt::format("'{}.{}'", table, info.key))));
+                ++choices;
+            }
+        });
+    };
+    visit_config_tables(defaults, check);
+    const PipelineOptions pipeline;
+    visit_option_tables(pipeline, check);
+    EXPECT_EQ(
+        parse_config_toml("[source.studio]\nmotion = 'get_up'\n", "/", "probe", false)->source.studio.motion,
+        "get_up");
+    EXPECT_EQ(parse_config_toml("[source.cameras]\ntrigger = 'free_run'\n", "/", "probe", false)
+                  ->source.cameras.trigger,
+              LiveSourceConfig::Trigger::kFreeRun);
+    EXPECT_GE(choices, 33);
 }
 
 // A value just outside each listed range is refused, by the reader as by `kinevox process`.
@@ -94,12 +127,14 @@ TEST(Config, RefusesValuesOutsideEveryListedRange) {
     const DaemonConfig defaults;
     visit_config_tables(defaults, [](const std::string& table, const auto& options) {
         visit_options(options, [&](const kernels::OptionInfo& info, const auto& value) {
-            if constexpr (!std::is_same_v<std::remove_cvref_t<decltype(value)>, bool>)
-                for (const double bad : {info.min - 1, info.max + 1}) {
-                    const auto config = parse_config_toml(
-                        fmt::format("[{}]\n{} = {:.0f}\n", table, info.key, bad), "/", "probe", false);
-                    EXPECT_THAT(std::string(config.status().message()), HasSubstr(info.key)) << bad;
-                }
+            const auto refuses = [&](const std::string& bad) {
+                const auto config = parse_config_toml(fmt::format("[{}]\n{} = {}\n", table, info.key, bad),
+                                                      "/", "probe", false);
+                EXPECT_THAT(std::string(config.status().message()), HasSubstr(info.key)) << bad;
+            };
+            if constexpr (kernels::kIsNumber<std::remove_cvref_t<decltype(value)>>)
+                for (const double bad : {info.min - 1, info.max + 1}) refuses(fmt::format("{:.0f}", bad));
+            if (!info.choices.empty()) refuses("'no_such_choice'");
         });
     });
     EXPECT_THAT(kernels::check_ranges(PipelineConfig{.voxel_mm = 1}), HasSubstr("2 to 100"));
@@ -316,7 +351,7 @@ file = "kinevoxd.log"
     EXPECT_FALSE(config->source.loop);
     EXPECT_EQ(config->source.studio.motion, "sprint_start");
     EXPECT_EQ(config->source.studio.fps, 60);
-    EXPECT_EQ(config->pipeline.device, PipelineConfig::Device::kCuda);
+    EXPECT_EQ(config->pipeline.device, kernels::Device::kCuda);
     EXPECT_EQ(config->pipeline.voxel_mm, 5);
     EXPECT_EQ(config->pose.database_file, folder / "poses.kvxposes");
     EXPECT_EQ(config->pose.library_pose_count, 30);
