@@ -25,60 +25,63 @@ class Guard;
 class Recorder;
 struct CaptureStatistics;
 
-struct ApiContext {
-    Runner& runner;
-    StreamHub& hub;
-    ControlLease& lease;
+// Calls that block run on a thread of their kind, in turn.
+struct ApiThreads {
+    boost::asio::any_io_executor control{};      // one thread: start, stop and learn the background
+    boost::asio::any_io_executor encoders{};     // encode and write volumes and images
+    boost::asio::any_io_executor timers{};       // the io_context: rate timers
+    boost::asio::any_io_executor changes{};      // one thread: changes of the pose database
+    boost::asio::any_io_executor calibrating{};  // one thread: files of calibrations
+    boost::asio::any_io_executor recordings{};   // calls of the recorder
+    boost::asio::any_io_executor exports{};      // one thread: creates one export file after the other
+};
 
-    boost::asio::any_io_executor control;   // one thread: start, stop and learn the background, in turn
-    boost::asio::any_io_executor encoders;  // encode and write volumes and images
-    boost::asio::any_io_executor timers;    // the io_context: rate timers
+struct ApiPoses {
+    PoseDatabaseService* database = nullptr;  // null: there is none
+    DatabaseWatch* database_watch = nullptr;  // subscribers of its state
+    LiveBodyFit* body_fit = nullptr;          // null: the daemon measures no poses
+    BodyWatch* body_watch = nullptr;          // subscribers of its state
+};
 
-    // The pose database and the subscribers of its state; null if there is none. `changes`: one thread that
-    // changes it.
-    PoseDatabaseService* poses = nullptr;
-    DatabaseWatch* pose_watch = nullptr;
-    boost::asio::any_io_executor changes{};
-
-    // The body fit and the subscribers of its state; null if the daemon measures no poses.
-    LiveBodyFit* body_fit = nullptr;
-    BodyWatch* body_watch = nullptr;
-
-    // Stored calibrations, the active one, the procedure and the subscribers of its state; all or none.
-    // `calibrating`: one thread that accesses their files.
-    CalibrationStore* calibrations = nullptr;
-    ActiveCalibration* active_calibration = nullptr;
+// All but camera_watch, or none.
+struct ApiCalibration {
+    CalibrationStore* store = nullptr;
+    ActiveCalibration* active = nullptr;
     CalibrationProcedure* procedure = nullptr;
-    ProcedureWatch* procedure_watch = nullptr;
-    boost::asio::any_io_executor calibrating{};
+    ProcedureWatch* procedure_watch = nullptr;  // subscribers of its state
+    const CameraWatch* camera_watch = nullptr;  // null: the cameras are not watched for movement
+};
 
-    // The recorder, and the thread that its calls block.
-    Recorder* recorder = nullptr;
-    boost::asio::any_io_executor recordings{};
-    boost::asio::any_io_executor exports{};  // one thread: creates export files, one export after the other
-
-    const CameraWatch* camera_watch = nullptr;  // null if the cameras are not watched for movement
-
-    const quality::LiveQuality* quality = nullptr;  // null: results are not judged
-
-    CaptureStatistics* statistics = nullptr;  // for the metrics; null: disabled
-
-    Replay* replay = nullptr;  // null: replay is not supported
-    // Sessions may be opened by path from these and from the folder of recordings.
-    std::vector<std::filesystem::path> replay_folders{};
-
-    Guard* guard = nullptr;  // null: no access control and no limits
-
+struct ApiStreams {
     FairShare* fair_share = nullptr;  // limits latest-only subscribers; null: unlimited
-    const Gpu* gpu = nullptr;         // null if none is configured
-
-    std::string source_description;  // "session /data/trial/session.toml"
-    std::chrono::steady_clock::time_point started_at = std::chrono::steady_clock::now();
     std::size_t lossless_max_messages = 256;
     std::size_t lossless_max_bytes = std::size_t{32} << 20;
     int preview_width_px = 320;     // if a subscriber requests no size
     int preview_jpeg_quality = 80;  // if a subscriber requests none
-    double max_stream_rate_hz = 1000;
+    double max_rate_hz = 1000;
+};
+
+struct ApiContext {
+    Runner& runner;
+    StreamHub& hub;
+    ControlLease& lease;
+    ApiThreads threads;
+
+    ApiPoses poses{};
+    ApiCalibration calibration{};
+    ApiStreams streams{};
+    Recorder* recorder = nullptr;
+    Replay* replay = nullptr;  // null: replay is not supported
+    // Sessions may be opened by path from these and from the folder of recordings.
+    std::vector<std::filesystem::path> replay_folders{};
+
+    const quality::LiveQuality* quality = nullptr;  // null: results are not judged
+    CaptureStatistics* statistics = nullptr;        // for the metrics; null: disabled
+    Guard* guard = nullptr;                         // null: no access control and no limits
+    const Gpu* gpu = nullptr;                       // null if none is configured
+
+    std::string source_description;  // "session /data/trial/session.toml"
+    std::chrono::steady_clock::time_point started_at = std::chrono::steady_clock::now();
 };
 
 // Restarts the lease's timeout. FAILED_PRECONDITION if `lease_id` does not hold control.

@@ -138,7 +138,7 @@ absl::StatusOr<std::vector<Camera>> cameras_with_intrinsics(const ApiContext& ap
                                                             const std::string& calibration_id) {
     std::vector<Camera> cameras = api.runner.cameras();
     if (calibration_id.empty()) return cameras;
-    const auto stored = api.calibrations->compatible_cameras(calibration_id);
+    const auto stored = api.calibration.store->compatible_cameras(calibration_id);
     if (!stored.ok()) return stored.status();
     for (std::size_t c = 0; c < cameras.size(); ++c) {
         const Rigid3 camera_from_world = cameras[c].camera_from_world;
@@ -168,7 +168,7 @@ absl::StatusOr<std::vector<Camera>> parse_calibration(const std::string& text, v
 
 // FailedPrecondition if the calibration must not be applied without force.
 absl::Status check_verdict(const ApiContext& api, const std::string& calibration_id) {
-    const auto json = api.calibrations->certificate_json(calibration_id);
+    const auto json = api.calibration.store->certificate_json(calibration_id);
     if (!json.ok()) return json.status();
     const v1::Certificate certificate = certificate_to_proto(*json);
     if (certificate.verdict() == v1::VERDICT_NO_GO) {
@@ -225,7 +225,8 @@ v1::Calibration to_proto(const CalibrationListing& listing, const std::string& a
 }  // namespace
 
 absl::Status check_calibration(const ApiContext& api) {
-    if (api.calibrations && api.active_calibration && api.procedure && api.procedure_watch)
+    if (api.calibration.store && api.calibration.active && api.calibration.procedure &&
+        api.calibration.procedure_watch)
         return absl::OkStatus();
     return absl::FailedPreconditionError("this daemon does not support calibration");
 }
@@ -236,7 +237,7 @@ absl::Status start_procedure(const ApiContext& api, const v1::StartProcedureRequ
     const auto kind = kind_of(request.kind());
     if (!kind.ok()) return kind.status();
     if (absl::Status note = check_note(request.note()); !note.ok()) return note;
-    if (const auto stored = api.calibrations->list(); !stored.ok())
+    if (const auto stored = api.calibration.store->list(); !stored.ok())
         return stored.status();  // the result could not be stored
     ProcedureRequest procedure;
     procedure.kind = *kind;
@@ -250,7 +251,7 @@ absl::Status start_procedure(const ApiContext& api, const v1::StartProcedureRequ
     const auto cameras = cameras_with_intrinsics(api, request.intrinsics_calibration_id());
     if (!cameras.ok()) return cameras.status();
     const auto procedure_id =
-        api.procedure->start(procedure, *cameras, to_milliseconds(request.idle_timeout()));
+        api.calibration.procedure->start(procedure, *cameras, to_milliseconds(request.idle_timeout()));
     if (!procedure_id.ok()) return procedure_id.status();
     response.set_procedure_id(*procedure_id);
     return absl::OkStatus();
@@ -266,7 +267,7 @@ absl::Status add_observations(const ApiContext& api, const v1::AddObservationsRe
         if (*step != LiveStep::kPause && state != RunState::kRunning && state != RunState::kLearning)
             return absl::FailedPreconditionError(
                 "the capture is not running; start it to collect observations from its cameras");
-        return api.procedure->collect_live(*step);
+        return api.calibration.procedure->collect_live(*step);
     }
     if (!request.has_files())
         return absl::InvalidArgumentError("the request has no observations; set live or files");
@@ -277,19 +278,19 @@ absl::Status add_observations(const ApiContext& api, const v1::AddObservationsRe
     if (request.files().has_board_on_floor_frame())
         files.board_on_floor_frame = request.files().board_on_floor_frame();
     files.session_path = request.files().session_path();
-    return api.procedure->read(std::move(files));
+    return api.calibration.procedure->read(std::move(files));
 }
 
 absl::Status solve_procedure(const ApiContext& api, const v1::SolveProcedureRequest& request,
                              v1::SolveProcedureResponse&) {
     if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
-    return api.procedure->solve();
+    return api.calibration.procedure->solve();
 }
 
 absl::Status cancel_procedure(const ApiContext& api, const v1::CancelProcedureRequest& request,
                               v1::CancelProcedureResponse&) {
     if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
-    return api.procedure->cancel(request.keep_observations());
+    return api.calibration.procedure->cancel(request.keep_observations());
 }
 
 v1::WatchProcedureResponse to_proto(const ProcedureProgress& progress) {
@@ -316,17 +317,17 @@ v1::WatchProcedureResponse to_proto(const ProcedureProgress& progress) {
 
 absl::Status list_calibrations(const ApiContext& api, const v1::ListCalibrationsRequest& request,
                                v1::ListCalibrationsResponse& response) {
-    const auto list = api.calibrations->list();
+    const auto list = api.calibration.store->list();
     if (!list.ok()) return list.status();
     const auto page = page_of(list->size(), request);
     if (!page.ok()) return page.status();
-    const std::string active_id = api.active_calibration->active();
+    const std::string active_id = api.calibration.active->active();
     for (std::size_t i = page->first; i < page->last; ++i)
         *response.add_calibrations() = to_proto((*list)[i], active_id);
     response.set_next_page_token(page->next_token);
     response.set_active_id(active_id);
-    response.set_pending_id(api.active_calibration->pending());
-    const std::vector<std::string> applied = api.calibrations->applied();
+    response.set_pending_id(api.calibration.active->pending());
+    const std::vector<std::string> applied = api.calibration.store->applied();
     response.set_can_undo(!applied.empty());
     if (applied.size() > 1) response.set_undo_id(applied[applied.size() - 2]);
     return absl::OkStatus();
@@ -334,12 +335,12 @@ absl::Status list_calibrations(const ApiContext& api, const v1::ListCalibrations
 
 absl::Status get_certificate(const ApiContext& api, const v1::GetCertificateRequest& request,
                              v1::GetCertificateResponse& response) {
-    const auto json = api.calibrations->certificate_json(request.calibration_id());
+    const auto json = api.calibration.store->certificate_json(request.calibration_id());
     if (!json.ok()) return json.status();
     *response.mutable_certificate() = certificate_to_proto(*json);
     response.set_certificate_json(*json);
     if (!request.include_page()) return absl::OkStatus();
-    auto page = api.calibrations->certificate_page(request.calibration_id());
+    auto page = api.calibration.store->certificate_page(request.calibration_id());
     if (!page.ok()) return page.status();
     response.set_page_png(*std::move(page));
     return absl::OkStatus();
@@ -351,7 +352,7 @@ absl::Status apply_calibration(const ApiContext& api, const v1::ApplyCalibration
     if (absl::Status verdict = check_verdict(api, request.calibration_id());
         !verdict.ok() && !(request.force() && absl::IsFailedPrecondition(verdict)))
         return verdict;
-    const auto applied = api.active_calibration->apply(request.calibration_id(), request.restart_capture());
+    const auto applied = api.calibration.active->apply(request.calibration_id(), request.restart_capture());
     if (!applied.ok()) return applied.status();
     response.set_active(applied->active);
     publish_change(api, applied_message(*applied));
@@ -361,7 +362,7 @@ absl::Status apply_calibration(const ApiContext& api, const v1::ApplyCalibration
 absl::Status undo_calibration(const ApiContext& api, const v1::UndoCalibrationRequest& request,
                               v1::UndoCalibrationResponse& response) {
     if (absl::Status live = check_live_control(api, request.lease_id()); !live.ok()) return live;
-    const auto applied = api.active_calibration->undo(request.restart_capture());
+    const auto applied = api.calibration.active->undo(request.restart_capture());
     if (!applied.ok()) return applied.status();
     response.set_calibration_id(applied->id);
     response.set_active(applied->active);
@@ -385,8 +386,8 @@ absl::Status import_calibration(const ApiContext& api, const v1::ImportCalibrati
     certificate.findings.push_back(
         {Verdict::kCaution, "not_checked", "", "this calibration was imported and has not been checked",
          "record a person walking through the space, and check the calibration with the recording"});
-    const auto id = api.calibrations->add(*cameras, certificate_json(certificate), certificate.method,
-                                          certificate.verdict(), request.note(), utc_now_ns());
+    const auto id = api.calibration.store->add(*cameras, certificate_json(certificate), certificate.method,
+                                               certificate.verdict(), request.note(), utc_now_ns());
     if (!id.ok()) return id.status();
     response.set_calibration_id(*id);
     for (const Camera& camera : *cameras) response.add_cameras(camera.name);
@@ -398,7 +399,7 @@ absl::Status export_calibration(const ApiContext& api, const v1::ExportCalibrati
                                 v1::ExportCalibrationResponse& response) {
     const auto cameras = request.calibration_id().empty()
                              ? absl::StatusOr<std::vector<Camera>>(api.runner.cameras())
-                             : api.calibrations->cameras(request.calibration_id());
+                             : api.calibration.store->cameras(request.calibration_id());
     if (!cameras.ok()) return cameras.status();
     switch (request.format()) {
         case v1::CALIBRATION_FORMAT_UNSPECIFIED:
@@ -423,7 +424,7 @@ absl::Status export_calibration(const ApiContext& api, const v1::ExportCalibrati
 absl::Status delete_calibration(const ApiContext& api, const v1::DeleteCalibrationRequest& request,
                                 v1::DeleteCalibrationResponse&) {
     if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
-    return api.calibrations->remove(request.calibration_id());
+    return api.calibration.store->remove(request.calibration_id());
 }
 
 }  // namespace kinevox

@@ -10,18 +10,20 @@ using ProcedureReactor = StreamReactor<ProcedureWatch::Box, v1::WatchProcedureRe
 
 CalibrationServiceImpl::Reactor* CalibrationServiceImpl::StartProcedure(
     Context* context, const v1::StartProcedureRequest* request, v1::StartProcedureResponse* response) {
-    return unary_call(api_, api_.calibrating, context, request, response, check_calibration, start_procedure);
+    return unary_call(api_, api_.threads.calibrating, context, request, response, check_calibration,
+                      start_procedure);
 }
 
 CalibrationServiceImpl::Reactor* CalibrationServiceImpl::AddObservations(
     Context* context, const v1::AddObservationsRequest* request, v1::AddObservationsResponse* response) {
-    return unary_call(api_, api_.calibrating, context, request, response, check_calibration,
+    return unary_call(api_, api_.threads.calibrating, context, request, response, check_calibration,
                       add_observations);
 }
 
 CalibrationServiceImpl::Reactor* CalibrationServiceImpl::SolveProcedure(
     Context* context, const v1::SolveProcedureRequest* request, v1::SolveProcedureResponse* response) {
-    return unary_call(api_, api_.calibrating, context, request, response, check_calibration, solve_procedure);
+    return unary_call(api_, api_.threads.calibrating, context, request, response, check_calibration,
+                      solve_procedure);
 }
 
 // Must not queue behind a call that reads files.
@@ -33,40 +35,43 @@ CalibrationServiceImpl::Reactor* CalibrationServiceImpl::CancelProcedure(
 
 CalibrationServiceImpl::Reactor* CalibrationServiceImpl::ListCalibrations(
     Context* context, const v1::ListCalibrationsRequest* request, v1::ListCalibrationsResponse* response) {
-    return unary_call(api_, api_.calibrating, context, request, response, check_calibration,
+    return unary_call(api_, api_.threads.calibrating, context, request, response, check_calibration,
                       list_calibrations);
 }
 
 CalibrationServiceImpl::Reactor* CalibrationServiceImpl::GetCertificate(
     Context* context, const v1::GetCertificateRequest* request, v1::GetCertificateResponse* response) {
-    return unary_call(api_, api_.calibrating, context, request, response, check_calibration, get_certificate);
+    return unary_call(api_, api_.threads.calibrating, context, request, response, check_calibration,
+                      get_certificate);
 }
 
 CalibrationServiceImpl::Reactor* CalibrationServiceImpl::ApplyCalibration(
     Context* context, const v1::ApplyCalibrationRequest* request, v1::ApplyCalibrationResponse* response) {
-    return unary_call(api_, api_.control, context, request, response, check_calibration, apply_calibration);
+    return unary_call(api_, api_.threads.control, context, request, response, check_calibration,
+                      apply_calibration);
 }
 
 CalibrationServiceImpl::Reactor* CalibrationServiceImpl::UndoCalibration(
     Context* context, const v1::UndoCalibrationRequest* request, v1::UndoCalibrationResponse* response) {
-    return unary_call(api_, api_.control, context, request, response, check_calibration, undo_calibration);
+    return unary_call(api_, api_.threads.control, context, request, response, check_calibration,
+                      undo_calibration);
 }
 
 CalibrationServiceImpl::Reactor* CalibrationServiceImpl::ImportCalibration(
     Context* context, const v1::ImportCalibrationRequest* request, v1::ImportCalibrationResponse* response) {
-    return unary_call(api_, api_.calibrating, context, request, response, check_calibration,
+    return unary_call(api_, api_.threads.calibrating, context, request, response, check_calibration,
                       import_calibration);
 }
 
 CalibrationServiceImpl::Reactor* CalibrationServiceImpl::ExportCalibration(
     Context* context, const v1::ExportCalibrationRequest* request, v1::ExportCalibrationResponse* response) {
-    return unary_call(api_, api_.calibrating, context, request, response, check_calibration,
+    return unary_call(api_, api_.threads.calibrating, context, request, response, check_calibration,
                       export_calibration);
 }
 
 CalibrationServiceImpl::Reactor* CalibrationServiceImpl::DeleteCalibration(
     Context* context, const v1::DeleteCalibrationRequest* request, v1::DeleteCalibrationResponse* response) {
-    return unary_call(api_, api_.calibrating, context, request, response, check_calibration,
+    return unary_call(api_, api_.threads.calibrating, context, request, response, check_calibration,
                       delete_calibration);
 }
 
@@ -77,7 +82,7 @@ grpc::ServerWriteReactor<v1::WatchProcedureResponse>* CalibrationServiceImpl::Wa
     return ProcedureReactor::run(
         api_, context, {},
         [this](std::function<void()> on_ready) {
-            return api_.procedure_watch->subscribe(std::move(on_ready));
+            return api_.calibration.procedure_watch->subscribe(std::move(on_ready));
         },
         [](const ProcedureWatch::Box::Taken& taken) { return to_proto(taken.message); });
 }

@@ -46,8 +46,8 @@ void fill_cameras(const ApiContext& api, const FrameResult* result, v1::GetStatu
     const std::vector<Camera>& cameras = api.runner.cameras();
     const std::vector<CameraConnection> connections = api.runner.camera_connections();
     const bool replayed = api.replay && api.replay->status().open;  // a recording's cameras are not watched
-    const auto watched =
-        api.camera_watch && !replayed ? api.camera_watch->cameras() : std::vector<WatchedCamera>{};
+    const auto watched = api.calibration.camera_watch && !replayed ? api.calibration.camera_watch->cameras()
+                                                                   : std::vector<WatchedCamera>{};
     for (std::size_t i = 0; i < cameras.size(); ++i) {
         v1::CameraStatus& camera = *response.add_cameras();
         camera.set_name(cameras[i].name);
@@ -146,8 +146,8 @@ absl::Status get_status(const ApiContext& api, v1::GetStatusResponse& response) 
         *lease.mutable_remaining_duration() = to_duration(holder->remaining);
     }
     fill_subscribers(api, response);
-    if (api.active_calibration && !replayed)
-        response.set_active_calibration_id(api.active_calibration->active());
+    if (api.calibration.active && !replayed)
+        response.set_active_calibration_id(api.calibration.active->active());
     if (const auto report = api.quality && !replayed ? api.quality->report() : std::nullopt)
         fill_quality(*report, *response.mutable_quality());
     return absl::OkStatus();
@@ -265,13 +265,13 @@ CaptureServiceImpl::Reactor* CaptureServiceImpl::NameSubject(Context* context,
 CaptureServiceImpl::Reactor* CaptureServiceImpl::StartCapture(Context* context,
                                                               const v1::StartCaptureRequest* request,
                                                               v1::StartCaptureResponse* response) {
-    return unary_call(api_, api_.control, context, request, response, always, start_capture);
+    return unary_call(api_, api_.threads.control, context, request, response, always, start_capture);
 }
 
 CaptureServiceImpl::Reactor* CaptureServiceImpl::StopCapture(Context* context,
                                                              const v1::StopCaptureRequest* request,
                                                              v1::StopCaptureResponse* response) {
-    return unary_call(api_, api_.control, context, request, response, always, stop_capture);
+    return unary_call(api_, api_.threads.control, context, request, response, always, stop_capture);
 }
 
 // Its handler finishes later than it returns.
@@ -279,7 +279,7 @@ CaptureServiceImpl::Reactor* CaptureServiceImpl::LearnBackground(Context* contex
                                                                  const v1::LearnBackgroundRequest* request,
                                                                  v1::LearnBackgroundResponse*) {
     Reactor* reactor = context->DefaultReactor();
-    boost::asio::post(api_.control, [this, reactor, request = *request] {
+    boost::asio::post(api_.threads.control, [this, reactor, request = *request] {
         learn_background(api_, request, [reactor](absl::Status status) { reactor->Finish(to_grpc(status)); });
     });
     return reactor;

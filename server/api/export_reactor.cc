@@ -84,7 +84,7 @@ ExportReactor* ExportReactor::run(const ApiContext& api, grpc::CallbackServerCon
     else if (const absl::Status counted = reactor->register_stream(context); !counted.ok())
         reactor->Finish(to_grpc(counted));
     else
-        boost::asio::post(api.exports, [reactor, request] { reactor->create_files(request); });
+        boost::asio::post(api.threads.exports, [reactor, request] { reactor->create_files(request); });
     return reactor.get();
 }
 
@@ -181,11 +181,11 @@ void ExportReactor::OnWriteDone(bool ok) {
     if (!ok) stop_ = true;
     Writing progress = Writing::kProgress;
     if (writing_.compare_exchange_strong(progress, Writing::kNothing)) return;  // create_files() continues
-    boost::asio::post(api_.exports, [self = shared_from_this()] { self->send_next(); });
+    boost::asio::post(api_.threads.exports, [self = shared_from_this()] { self->send_next(); });
 }
 
 void ExportReactor::OnDone() {
-    boost::asio::post(api_.exports,
+    boost::asio::post(api_.threads.exports,
                       [self = std::exchange(self_, nullptr)] {});  // a task of it may still be running there
 }
 

@@ -19,8 +19,8 @@ namespace {
 
 // Publishes the database's state and returns its number of entries.
 std::int64_t publish_change(const ApiContext& api) {
-    const DatabaseProgress progress = api.poses->progress();
-    api.pose_watch->publish(progress);
+    const DatabaseProgress progress = api.poses.database->progress();
+    api.poses.database_watch->publish(progress);
     return progress.entry_count;
 }
 
@@ -130,7 +130,7 @@ v1::Body to_proto(const BodyShape& shape, const std::optional<BodyFit>& fit, con
 }  // namespace
 
 absl::Status check_pose_database(const ApiContext& api) {
-    if (api.poses && api.pose_watch) return absl::OkStatus();
+    if (api.poses.database && api.poses.database_watch) return absl::OkStatus();
     return absl::FailedPreconditionError(
         "this daemon has no pose database; set [pose] database in its configuration and enable poses");
 }
@@ -138,7 +138,7 @@ absl::Status check_pose_database(const ApiContext& api) {
 absl::Status list_library_poses(const ApiContext& api, const v1::ListLibraryPosesRequest& request,
                                 v1::ListLibraryPosesResponse& response) {
     if (absl::Status missing = check_pose_database(api); !missing.ok()) return missing;
-    const auto poses = api.poses->list();
+    const auto poses = api.poses.database->list();
     if (!poses.ok()) return poses.status();
     const auto page = page_of(poses->size(), request);
     if (!page.ok()) return page.status();
@@ -160,7 +160,7 @@ absl::Status add_library_pose(const ApiContext& api, const v1::AddLibraryPoseReq
                                  : given_coordinates(request.coordinates_deg());
     if (!coordinates.ok()) return coordinates.status();
     const LibraryPose pose{request.label(), *coordinates, true};
-    if (absl::Status status = api.poses->add({&pose, 1}); !status.ok()) return status;
+    if (absl::Status status = api.poses.database->add({&pose, 1}); !status.ok()) return status;
     response.set_entry_count(publish_change(api));
     return absl::OkStatus();
 }
@@ -168,7 +168,7 @@ absl::Status add_library_pose(const ApiContext& api, const v1::AddLibraryPoseReq
 absl::Status delete_library_pose(const ApiContext& api, const v1::DeleteLibraryPoseRequest& request,
                                  v1::DeleteLibraryPoseResponse& response) {
     if (absl::Status control = use_control(api, request.lease_id()); !control.ok()) return control;
-    if (absl::Status status = api.poses->remove(request.label()); !status.ok()) return status;
+    if (absl::Status status = api.poses.database->remove(request.label()); !status.ok()) return status;
     response.set_entry_count(publish_change(api));
     return absl::OkStatus();
 }
@@ -181,7 +181,7 @@ absl::Status import_library_poses(const ApiContext& api, const v1::ImportLibrary
     if (!(interval_s >= 0.001 && interval_s <= 3600))
         return absl::InvalidArgumentError(fmt::format(
             "interval is {} s; 0.001 s to 3600 s are allowed, or none for the default", interval_s));
-    const auto pose_count = api.poses->import_bvh(request.data(), request.label(), interval_s);
+    const auto pose_count = api.poses.database->import_bvh(request.data(), request.label(), interval_s);
     if (!pose_count.ok()) return pose_count.status();
     response.set_pose_count(*pose_count);
     response.set_entry_count(publish_change(api));
@@ -198,7 +198,7 @@ v1::WatchPoseDatabaseResponse to_proto(const DatabaseProgress& progress) {
 }
 
 absl::Status check_body_fit(const ApiContext& api) {
-    if (api.body_fit && api.body_watch) return absl::OkStatus();
+    if (api.poses.body_fit && api.poses.body_watch) return absl::OkStatus();
     return absl::FailedPreconditionError(
         "this daemon measures no poses; enable them under [pose] in its configuration");
 }
@@ -211,7 +211,7 @@ absl::Status fit_body(const ApiContext& api, const v1::FitBodyRequest& request) 
             "the capture is not running; start it to fit the subject's body");
     const auto subject = choose_subject(request.subject_id(), tracked_subjects(api));
     if (!subject.ok()) return subject.status();
-    return api.body_fit->start(
+    return api.poses.body_fit->start(
         *subject, request.has_duration() ? to_seconds(request.duration()) : LiveBodyFit::kDefaultSeconds);
 }
 
@@ -241,20 +241,21 @@ PoseServiceImpl::Reactor* PoseServiceImpl::ListLibraryPoses(Context* context,
 PoseServiceImpl::Reactor* PoseServiceImpl::AddLibraryPose(Context* context,
                                                           const v1::AddLibraryPoseRequest* request,
                                                           v1::AddLibraryPoseResponse* response) {
-    return unary_call(api_, api_.changes, context, request, response, check_pose_database, add_library_pose);
+    return unary_call(api_, api_.threads.changes, context, request, response, check_pose_database,
+                      add_library_pose);
 }
 
 PoseServiceImpl::Reactor* PoseServiceImpl::DeleteLibraryPose(Context* context,
                                                              const v1::DeleteLibraryPoseRequest* request,
                                                              v1::DeleteLibraryPoseResponse* response) {
-    return unary_call(api_, api_.changes, context, request, response, check_pose_database,
+    return unary_call(api_, api_.threads.changes, context, request, response, check_pose_database,
                       delete_library_pose);
 }
 
 PoseServiceImpl::Reactor* PoseServiceImpl::ImportLibraryPoses(Context* context,
                                                               const v1::ImportLibraryPosesRequest* request,
                                                               v1::ImportLibraryPosesResponse* response) {
-    return unary_call(api_, api_.changes, context, request, response, check_pose_database,
+    return unary_call(api_, api_.threads.changes, context, request, response, check_pose_database,
                       import_library_poses);
 }
 
@@ -264,7 +265,9 @@ grpc::ServerWriteReactor<v1::WatchPoseDatabaseResponse>* PoseServiceImpl::WatchP
         return DatabaseReactor::refuse(api_, to_grpc(missing));
     return DatabaseReactor::run(
         api_, context, {},
-        [this](std::function<void()> on_ready) { return api_.pose_watch->subscribe(std::move(on_ready)); },
+        [this](std::function<void()> on_ready) {
+            return api_.poses.database_watch->subscribe(std::move(on_ready));
+        },
         [](const DatabaseWatch::Box::Taken& taken) { return to_proto(taken.message); });
 }
 
@@ -279,7 +282,9 @@ grpc::ServerWriteReactor<v1::WatchBodyResponse>* PoseServiceImpl::WatchBody(Cont
         return BodyReactor::refuse(api_, to_grpc(missing));
     return BodyReactor::run(
         api_, context, {},
-        [this](std::function<void()> on_ready) { return api_.body_watch->subscribe(std::move(on_ready)); },
+        [this](std::function<void()> on_ready) {
+            return api_.poses.body_watch->subscribe(std::move(on_ready));
+        },
         [](const BodyWatch::Box::Taken& taken) { return body_to_proto(taken.message); });
 }
 

@@ -166,19 +166,22 @@ absl::Status delete_recording(const ApiContext& api, const v1::DeleteRecordingRe
 RecordingServiceImpl::Reactor* RecordingServiceImpl::StartRecording(Context* context,
                                                                     const v1::StartRecordingRequest* request,
                                                                     v1::StartRecordingResponse* response) {
-    return unary_call(api_, api_.recordings, context, request, response, check_recording, start_recording);
+    return unary_call(api_, api_.threads.recordings, context, request, response, check_recording,
+                      start_recording);
 }
 
 RecordingServiceImpl::Reactor* RecordingServiceImpl::StopRecording(Context* context,
                                                                    const v1::StopRecordingRequest* request,
                                                                    v1::StopRecordingResponse* response) {
-    return unary_call(api_, api_.recordings, context, request, response, check_recording, stop_recording);
+    return unary_call(api_, api_.threads.recordings, context, request, response, check_recording,
+                      stop_recording);
 }
 
 RecordingServiceImpl::Reactor* RecordingServiceImpl::SaveBuffer(Context* context,
                                                                 const v1::SaveBufferRequest* request,
                                                                 v1::SaveBufferResponse* response) {
-    return unary_call(api_, api_.recordings, context, request, response, check_recording, save_buffer);
+    return unary_call(api_, api_.threads.recordings, context, request, response, check_recording,
+                      save_buffer);
 }
 
 // Must not queue behind calls that block on files.
@@ -190,18 +193,21 @@ RecordingServiceImpl::Reactor* RecordingServiceImpl::GetRecorderStatus(
 RecordingServiceImpl::Reactor* RecordingServiceImpl::ListRecordings(Context* context,
                                                                     const v1::ListRecordingsRequest* request,
                                                                     v1::ListRecordingsResponse* response) {
-    return unary_call(api_, api_.recordings, context, request, response, check_recording, list_recordings);
+    return unary_call(api_, api_.threads.recordings, context, request, response, check_recording,
+                      list_recordings);
 }
 
 RecordingServiceImpl::Reactor* RecordingServiceImpl::GetRecording(Context* context,
                                                                   const v1::GetRecordingRequest* request,
                                                                   v1::GetRecordingResponse* response) {
-    return unary_call(api_, api_.recordings, context, request, response, check_recording, get_recording);
+    return unary_call(api_, api_.threads.recordings, context, request, response, check_recording,
+                      get_recording);
 }
 
 RecordingServiceImpl::Reactor* RecordingServiceImpl::DeleteRecording(
     Context* context, const v1::DeleteRecordingRequest* request, v1::DeleteRecordingResponse* response) {
-    return unary_call(api_, api_.recordings, context, request, response, check_recording, delete_recording);
+    return unary_call(api_, api_.threads.recordings, context, request, response, check_recording,
+                      delete_recording);
 }
 
 grpc::ServerWriteReactor<v1::ExportRecordingResponse>* RecordingServiceImpl::ExportRecording(

@@ -100,7 +100,7 @@ absl::StatusOr<fs::path> source_to_open(const ApiContext& api, const v1::OpenRep
 }
 
 absl::Status check_cameras_free(const ApiContext& api) {
-    if (api.procedure && api.procedure->progress().open())
+    if (api.calibration.procedure && api.calibration.procedure->progress().open())
         return absl::FailedPreconditionError(
             "a calibration procedure is open and requires the cameras; cancel it first");
     if (!api.recorder) return absl::OkStatus();
@@ -172,13 +172,13 @@ absl::Status get_replay(const ApiContext& api, const v1::GetReplayRequest&, v1::
 ReplayServiceImpl::Reactor* ReplayServiceImpl::OpenReplay(Context* context,
                                                           const v1::OpenReplayRequest* request,
                                                           v1::OpenReplayResponse* response) {
-    return unary_call(api_, api_.control, context, request, response, check_replay, open_replay);
+    return unary_call(api_, api_.threads.control, context, request, response, check_replay, open_replay);
 }
 
 ReplayServiceImpl::Reactor* ReplayServiceImpl::CloseReplay(Context* context,
                                                            const v1::CloseReplayRequest* request,
                                                            v1::CloseReplayResponse* response) {
-    return unary_call(api_, api_.control, context, request, response, check_replay, close_replay);
+    return unary_call(api_, api_.threads.control, context, request, response, check_replay, close_replay);
 }
 
 ReplayServiceImpl::Reactor* ReplayServiceImpl::UpdateReplay(Context* context,

@@ -47,7 +47,7 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
         auto reactor =
             std::shared_ptr<StreamReactor>(new StreamReactor(api, pace.max_rate_hz, std::move(translate)));
         reactor->self_ = reactor;
-        if (api.fair_share && pace.latest_only) reactor->slot_.emplace(*api.fair_share);
+        if (api.streams.fair_share && pace.latest_only) reactor->slot_.emplace(*api.streams.fair_share);
         if (const absl::Status counted = reactor->be_counted(api, context); !counted.ok()) {
             reactor->finish_at_once(to_grpc(counted));
             return reactor.get();
@@ -101,8 +101,8 @@ class StreamReactor final : public grpc::ServerWriteReactor<Message>,
     using Clock = std::chrono::steady_clock;
 
     StreamReactor(const ApiContext& api, double max_rate_hz, Translate translate)
-        : strand_(boost::asio::make_strand(api.encoders)),
-          timer_(api.timers),
+        : strand_(boost::asio::make_strand(api.threads.encoders)),
+          timer_(api.threads.timers),
           translate_(std::move(translate)) {
         if (max_rate_hz > 0)
             period_ =

@@ -63,7 +63,8 @@ absl::Status check_delivery(const Request& request, double max_hz) {
 template <typename Request>
 MailboxOptions mailbox_options(const Request& request, const ApiContext& api) {
     if (request.delivery() != v1::DELIVERY_LOSSLESS) return {};  // the latest only
-    return {MailboxOptions::WhenFull::kOverflow, api.lossless_max_messages, api.lossless_max_bytes};
+    return {MailboxOptions::WhenFull::kOverflow, api.streams.lossless_max_messages,
+            api.streams.lossless_max_bytes};
 }
 
 template <typename Request>
@@ -110,13 +111,13 @@ absl::StatusOr<PreviewForm> preview_form(const v1::StreamPreviewsRequest& reques
         return absl::InvalidArgumentError(
             fmt::format("max_width_px is {} and max_height_px {}; 16 to 8192 are allowed, or 0",
                         request.max_width_px(), request.max_height_px()));
-    form.max_width_px = request.max_width_px() ? request.max_width_px() : api.preview_width_px;
+    form.max_width_px = request.max_width_px() ? request.max_width_px() : api.streams.preview_width_px;
     form.max_height_px = request.max_height_px();
     if (request.jpeg_quality() < 0 || request.jpeg_quality() > 100)
         return absl::InvalidArgumentError(fmt::format(
             "jpeg_quality is {}; 1 to 100 are allowed, or 0 for the default", request.jpeg_quality()));
-    form.jpeg_quality = request.jpeg_quality() ? request.jpeg_quality() : api.preview_jpeg_quality;
-    if (const absl::Status rate = check_rate(request.max_rate_hz(), api.max_stream_rate_hz); !rate.ok())
+    form.jpeg_quality = request.jpeg_quality() ? request.jpeg_quality() : api.streams.preview_jpeg_quality;
+    if (const absl::Status rate = check_rate(request.max_rate_hz(), api.streams.max_rate_hz); !rate.ok())
         return rate;
     return form;
 }
@@ -127,7 +128,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamVolumes(
     grpc::CallbackServerContext* context, const grpc::ByteBuffer* bytes) {
     const auto request = parse<v1::StreamVolumesRequest>(*bytes);
     if (!request.ok()) return VolumeReactor::refuse(api_, to_grpc(request.status()));
-    if (const absl::Status bad = check(*request, api_.max_stream_rate_hz); !bad.ok())
+    if (const absl::Status bad = check(*request, api_.streams.max_rate_hz); !bad.ok())
         return VolumeReactor::refuse(api_, to_grpc(bad));
     const MailboxOptions options = mailbox_options(*request, api_);
     return VolumeReactor::run(
@@ -151,7 +152,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StreamServiceImpl::StreamPoses(
     grpc::CallbackServerContext* context, const grpc::ByteBuffer* bytes) {
     const auto request = parse<v1::StreamPosesRequest>(*bytes);
     if (!request.ok()) return PoseReactor::refuse(api_, to_grpc(request.status()));
-    if (const absl::Status bad = check_delivery(*request, api_.max_stream_rate_hz); !bad.ok())
+    if (const absl::Status bad = check_delivery(*request, api_.streams.max_rate_hz); !bad.ok())
         return PoseReactor::refuse(api_, to_grpc(bad));
     return PoseReactor::run(
         api_, context, pace(*request),

@@ -101,11 +101,12 @@ ControlLeaseOptions lease_options(const ControlConfig& config) {
     return {milliseconds(config.default_lease_s), milliseconds(config.max_lease_s)};
 }
 
-void apply(const StreamConfig& config, ApiContext& api) {
-    api.lossless_max_messages = static_cast<std::size_t>(config.max_lossless_messages);
-    api.lossless_max_bytes = static_cast<std::size_t>(config.max_lossless_mb) << 20;
-    api.preview_width_px = config.default_preview_width_px;
-    api.preview_jpeg_quality = config.default_preview_jpeg_quality;
+ApiStreams stream_settings(const StreamConfig& config, FairShare& fair_share) {
+    return {.fair_share = &fair_share,
+            .lossless_max_messages = static_cast<std::size_t>(config.max_lossless_messages),
+            .lossless_max_bytes = static_cast<std::size_t>(config.max_lossless_mb) << 20,
+            .preview_width_px = config.default_preview_width_px,
+            .preview_jpeg_quality = config.default_preview_jpeg_quality};
 }
 
 double max_latest_messages_per_s(const StreamConfig& config) {

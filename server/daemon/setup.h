@@ -28,7 +28,7 @@ std::string describe(
     const SourceConfig& config);  // "studio walk", "session /data/trial/session.toml", "cameras left, right"
 
 ControlLeaseOptions lease_options(const ControlConfig& config);
-void apply(const StreamConfig& config, ApiContext& api);
+ApiStreams stream_settings(const StreamConfig& config, FairShare& fair_share);
 double max_latest_messages_per_s(const StreamConfig& config);
 
 // The file of the pose database; empty: none, by the configuration or because the user has no state folder.

@@ -141,13 +141,13 @@ class AccessTest : public ::testing::Test {
     ApiContext api_{.runner = runner_,
                     .hub = hub_,
                     .lease = lease_,
-                    .control = control_.get_executor(),
-                    .encoders = encoders_.get_executor(),
-                    .timers = io_.get_executor(),
-                    .changes = control_.get_executor(),
-                    .calibrating = control_.get_executor(),
-                    .recordings = control_.get_executor(),
-                    .exports = control_.get_executor(),
+                    .threads = {.control = control_.get_executor(),
+                                .encoders = encoders_.get_executor(),
+                                .timers = io_.get_executor(),
+                                .changes = control_.get_executor(),
+                                .calibrating = control_.get_executor(),
+                                .recordings = control_.get_executor(),
+                                .exports = control_.get_executor()},
                     .source_description = "fake"};
     std::unique_ptr<ApiServer> server_;
 

@@ -84,9 +84,9 @@ class ApiTest : public ::testing::Test {
     ApiContext api_{.runner = runner_,
                     .hub = hub_,
                     .lease = lease_,
-                    .control = control_.get_executor(),
-                    .encoders = encoders_.get_executor(),
-                    .timers = io_.get_executor(),
+                    .threads = {.control = control_.get_executor(),
+                                .encoders = encoders_.get_executor(),
+                                .timers = io_.get_executor()},
                     .source_description = "fake"};
     std::unique_ptr<ApiServer> server_ = ApiServer::in_process(api_);
     client::Client client_;

@@ -214,7 +214,7 @@ TEST_F(ApiTest, StreamVolumesCountsMissedResults) {
 
 TEST_F(ApiTest, LatestOnlySubscribersShareTheMessageRate) {
     constexpr std::size_t kWatchers = 4;
-    api_.fair_share = &share_.emplace(40);  // 10 Hz each
+    api_.streams.fair_share = &share_.emplace(40);  // 10 Hz each
     constexpr std::uint64_t kLast = 199;
     std::vector<std::future<std::vector<std::uint64_t>>> watchers;
     for (std::size_t i = 0; i < kWatchers; ++i)
@@ -262,7 +262,7 @@ TEST_F(ApiTest, LatestOnlySubscribersShareTheMessageRate) {
 
 TEST_F(ApiTest, OverflowingLosslessStreamEndsWithResourceExhausted) {
     // Reads nothing until the queue is full. Uses the stub, because the client library reads on its own.
-    api_.lossless_max_messages = 8;
+    api_.streams.lossless_max_messages = 8;
     const auto stub = v1::StreamService::NewStub(server_->in_process_channel());
     grpc::ClientContext context;
     v1::StreamVolumesRequest request;

@@ -20,8 +20,8 @@ class BodyFitApiTest : public ApiTest {
             LiveBodyFit::Observers{[this](const std::vector<BodyFitProgress>& all) { watch_.publish(all); },
                                    {}});
         watch_.publish(fit_->progress());
-        api_.body_fit = fit_.get();
-        api_.body_watch = &watch_;
+        api_.poses.body_fit = fit_.get();
+        api_.poses.body_watch = &watch_;
     }
     ~BodyFitApiTest() override {  // in the order of the daemon
         fit_->close();

@@ -34,9 +34,9 @@ kernels::CameraModel model_at(double x, double y) {
 class PoseApiTest : public ApiTest {
   protected:
     PoseApiTest() {
-        api_.poses = &poses_;
-        api_.pose_watch = &watch_;
-        api_.changes = changes_.get_executor();
+        api_.poses.database = &poses_;
+        api_.poses.database_watch = &watch_;
+        api_.threads.changes = changes_.get_executor();
     }
     ~PoseApiTest() override {  // in the order of the daemon
         poses_.close();
