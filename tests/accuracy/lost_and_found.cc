@@ -187,10 +187,11 @@ absl::StatusOr<bool> play(const std::filesystem::path& session_file, const Event
         if (phase == 2 && volumes.size() >= static_cast<std::size_t>(kAfter_s * fps)) break;
     }
     if (!event_or_none) return true;
-    const auto mean = [](const std::vector<double>& values) {
+    const auto mean_text = [](const std::vector<double>& values) {
         double sum = 0;
         for (const double value : values) sum += value;
-        return values.empty() ? std::nan("") : 1000 * sum / static_cast<double>(values.size());
+        return values.empty() ? std::string("-")
+                              : fmt::format("{:.0f}", 1000 * sum / static_cast<double>(values.size()));
     };
     const auto volume = back_after(volumes, fps), pose = back_after(poses, fps);
     if (volumes.size() < kInARow) {
@@ -200,9 +201,9 @@ absl::StatusOr<bool> play(const std::filesystem::path& session_file, const Event
     }
     const double search_s = timed ? 1e-3 * max_ms : 0;
     const bool good = volume && pose && std::max(*volume, *pose) + search_s <= kBound_s && invented == 0;
-    fmt::print("| {} | {} | {} | {} | {:.0f} | {} | {:.0f} | {:.0f} | {} |\n",
+    fmt::print("| {} | {} | {} | {} | {:.0f} | {} | {} | {} | {} |\n",
                session_file.parent_path().filename().string(), event.name, seconds_text(volume),
-               seconds_text(pose), max_ms, invented, mean(errors_undisturbed), mean(errors_after),
+               seconds_text(pose), max_ms, invented, mean_text(errors_undisturbed), mean_text(errors_after),
                good ? "ok" : "FAILS");
     if (!good) {
         fmt::print(stderr,
