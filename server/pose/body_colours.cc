@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <optional>
 
 #include "server/pose/turned_posture.h"
@@ -10,9 +11,10 @@
 namespace kinevox {
 namespace {
 
-constexpr double kPriorCells = 200;  // with the colours of the whole subject, in each part's histogram
-constexpr double kCellWeight = 0.3;  // neighbours are correlated; measured with tests/accuracy/sweep.py
-constexpr float kCore = 0.8f;        // of a capsule's radius: its border may show what is behind
+constexpr double kPriorCells = 200;      // with the colours of the whole subject, in each part's histogram
+constexpr double kCellWeight = 0.3;      // neighbours are correlated; measured with tests/accuracy/sweep.py
+constexpr float kCore = 0.8f;            // of a capsule's radius: its border may show what is behind
+constexpr double kExampleMemory = 0.98;  // of add(): weight of the examples before after each
 constexpr std::size_t kMaxSamples = 200'000;  // per camera, for the borders of the bins
 
 // The part of a segment: itself, of the left limbs the right one.
@@ -61,6 +63,35 @@ std::optional<CapsuleInCells> in_cells(const SilhouetteRays& view, const BodyCap
                           depth_b};
 }
 
+// Calls f(cell, square, surface_m) for each cell of a capsule: the squared distance from its axis in radii,
+// and the depth of its surface there.
+template <typename F>
+void each_cell(const ViewColours& grid, const BodyCapsule& capsule, const CapsuleInCells& in, const F& f) {
+    const auto begin = [](float a, float b) {
+        return std::max(0, static_cast<int>(std::ceil(std::min(a, b))));
+    };
+    const auto end = [](float a, float b, int count) {
+        return std::min(count, static_cast<int>(std::floor(std::max(a, b))) + 1);
+    };
+    const int x0 = begin(in.ax - in.radius_a, in.bx - in.radius_b),
+              x1 = end(in.ax + in.radius_a, in.bx + in.radius_b, grid.columns),
+              y0 = begin(in.ay - in.radius_a, in.by - in.radius_b),
+              y1 = end(in.ay + in.radius_a, in.by + in.radius_b, grid.rows);
+    const float dx = in.bx - in.ax, dy = in.by - in.ay, length2 = std::max(1e-6f, dx * dx + dy * dy);
+    for (int y = y0; y < y1; ++y)
+        for (int x = x0; x < x1; ++x) {
+            const float px = static_cast<float>(x) - in.ax, py = static_cast<float>(y) - in.ay;
+            const float along = std::clamp((px * dx + py * dy) / length2, 0.f, 1.f);
+            const float qx = px - along * dx, qy = py - along * dy;
+            const float radius = in.radius_a + along * (in.radius_b - in.radius_a);
+            const float square = (qx * qx + qy * qy) / (radius * radius);
+            if (!(square < 1)) continue;
+            const float radius_m = capsule.radius_a + along * (capsule.radius_b - capsule.radius_a);
+            f(static_cast<std::size_t>(y) * grid.columns + x, square,
+              in.depth_a + along * (in.depth_b - in.depth_a) - radius_m * std::sqrt(1 - square));
+        }
+}
+
 // The parts that a posture shows in the cells of a view. Keeps its memory.
 class PartImage {
   public:
@@ -73,6 +104,7 @@ class PartImage {
     }
     bool covered(std::size_t cell) const { return covering_[cell] != 0; }
     int part(std::size_t cell) const { return part_[cell]; }  // the nearest
+    float depth_m(std::size_t cell) const { return depth_m_[cell]; }
     // Whether the cell's ray meets the core of one part, and no other part.
     bool certain(std::size_t cell) const {
         const unsigned part = 1u << part_[cell];
@@ -81,35 +113,13 @@ class PartImage {
 
   private:
     void draw(const ViewColours& grid, const BodyCapsule& capsule, const CapsuleInCells& in) {
-        const auto begin = [](float a, float b) {
-            return std::max(0, static_cast<int>(std::ceil(std::min(a, b))));
-        };
-        const auto end = [](float a, float b, int count) {
-            return std::min(count, static_cast<int>(std::floor(std::max(a, b))) + 1);
-        };
-        const int x0 = begin(in.ax - in.radius_a, in.bx - in.radius_b),
-                  x1 = end(in.ax + in.radius_a, in.bx + in.radius_b, grid.columns),
-                  y0 = begin(in.ay - in.radius_a, in.by - in.radius_b),
-                  y1 = end(in.ay + in.radius_a, in.by + in.radius_b, grid.rows);
-        const float dx = in.bx - in.ax, dy = in.by - in.ay, length2 = std::max(1e-6f, dx * dx + dy * dy);
         const std::uint8_t own = kPartOfSegment[capsule.segment];
         const auto bit = static_cast<std::uint16_t>(1u << own);
-        for (int y = y0; y < y1; ++y)
-            for (int x = x0; x < x1; ++x) {
-                const float px = static_cast<float>(x) - in.ax, py = static_cast<float>(y) - in.ay;
-                const float along = std::clamp((px * dx + py * dy) / length2, 0.f, 1.f);
-                const float qx = px - along * dx, qy = py - along * dy;
-                const float radius = in.radius_a + along * (in.radius_b - in.radius_a);
-                const float square = (qx * qx + qy * qy) / (radius * radius);
-                if (!(square < 1)) continue;
-                const std::size_t cell = static_cast<std::size_t>(y) * grid.columns + x;
-                covering_[cell] |= bit;
-                if (square < kCore * kCore) core_[cell] |= bit;
-                const float radius_m = capsule.radius_a + along * (capsule.radius_b - capsule.radius_a);
-                const float surface_m =
-                    in.depth_a + along * (in.depth_b - in.depth_a) - radius_m * std::sqrt(1 - square);
-                if (surface_m < depth_m_[cell]) depth_m_[cell] = surface_m, part_[cell] = own;
-            }
+        each_cell(grid, capsule, in, [&](std::size_t cell, float square, float surface_m) {
+            covering_[cell] |= bit;
+            if (square < kCore * kCore) core_[cell] |= bit;
+            if (surface_m < depth_m_[cell]) depth_m_[cell] = surface_m, part_[cell] = own;
+        });
     }
 
     std::vector<float> depth_m_;  // of the nearest surface
@@ -155,28 +165,32 @@ void BodyColours::Histograms::set_borders(std::span<const Seen> views) {
         }
 }
 
-void BodyColours::Histograms::count(std::span<const Seen> views) {
-    std::vector<double> whole(kColours, 1.0 / kColours);
-    std::vector<std::vector<double>> parts(kBodySegmentCount, std::vector<double>(kColours, 0));
-    std::vector<double> sums(kBodySegmentCount, 0);
-    double sum = 1;
+// The examples so far keep `memory` of their weight.
+void BodyColours::Histograms::count(std::span<const Seen> views, double memory) {
+    whole.resize(kColours, 0), parts.resize(kBodySegmentCount * kColours, 0);
+    for (float& cells : whole) cells *= static_cast<float>(memory);
+    for (float& cells : parts) cells *= static_cast<float>(memory);
     PartImage shown;
     for (const Seen& seen : views) {
         const ViewColours& grid = seen.view->colours;
-        shown.draw(*seen.view, *seen.capsules);
+        shown.draw(*seen.view, seen.capsules);
         for (std::size_t cell = 0; cell < grid.inside.size(); ++cell) {
             if (!grid.inside[cell]) continue;
             const int colour = bin(grid.colour[cell]);
-            ++whole[colour], ++sum;
-            if (shown.certain(cell)) ++parts[shown.part(cell)][colour], ++sums[shown.part(cell)];
+            ++whole[colour];
+            if (shown.certain(cell)) ++parts[shown.part(cell) * kColours + colour];
         }
     }
-    for (int p = 0; p < kBodySegmentCount; ++p)
+    const double sum = 1 + std::accumulate(whole.begin(), whole.end(), 0.0);
+    for (int p = 0; p < kBodySegmentCount; ++p) {
+        const auto part = std::span(parts).subspan(p * kColours, kColours);
+        const double cells = std::accumulate(part.begin(), part.end(), 0.0);
         for (int colour = 0; colour < kColours; ++colour) {
-            const double expected = whole[colour] / sum;
-            const double own = (parts[p][colour] + kPriorCells * expected) / (sums[p] + kPriorCells);
+            const double expected = (whole[colour] + 1.0 / kColours) / sum;
+            const double own = (part[colour] + kPriorCells * expected) / (cells + kPriorCells);
             cost[p][colour] = static_cast<float>(-kCellWeight * std::log(own / expected));
         }
+    }
 }
 
 void BodyColours::learn(std::span<const Example> examples) {
@@ -187,9 +201,19 @@ void BodyColours::learn(std::span<const Example> examples) {
         std::vector<Seen> views;
         for (const Example& example : examples)
             if (c < example.views.size() && example.views[c].camera && !example.views[c].colours.empty())
-                views.push_back({&example.views[c], &example.capsules});
+                views.push_back({&example.views[c], example.capsules});
         cameras_[c].set_borders(views);
-        cameras_[c].count(views);
+        cameras_[c].count(views, 0);
+    }
+}
+
+void BodyColours::add(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules) {
+    cameras_.resize(std::max(cameras_.size(), views.size()));
+    for (std::size_t c = 0; c < views.size(); ++c) {
+        if (!views[c].camera || views[c].colours.empty()) continue;
+        const Seen seen{&views[c], capsules};
+        if (cameras_[c].whole.empty()) cameras_[c].set_borders({&seen, 1});
+        cameras_[c].count({&seen, 1}, kExampleMemory);
     }
 }
 
@@ -198,11 +222,65 @@ double BodyColours::cost(std::span<const SilhouetteRays> views, std::span<const 
     double sum = 0;
     for (std::size_t c = 0; c < views.size() && c < cameras_.size(); ++c) {
         const ViewColours& grid = views[c].colours;
-        if (!views[c].camera || grid.empty()) continue;
+        if (!views[c].camera || grid.empty() || cameras_[c].whole.empty()) continue;
         shown.draw(views[c], capsules);
         for (std::size_t cell = 0; cell < grid.inside.size(); ++cell)
             if (grid.inside[cell] && shown.covered(cell))
                 sum += cameras_[c].cost[shown.part(cell)][cameras_[c].bin(grid.colour[cell])];
+    }
+    return sum;
+}
+
+double BodyColours::cost(std::span<const SilhouetteRays> views, const BodyModel& model,
+                         const BodyPosture& posture) const {
+    std::vector<BodyCapsule> capsules;
+    model.capsules(model.forward(posture), capsules);
+    return cost(views, capsules);
+}
+
+PartialColourCost::PartialColourCost(const BodyColours& colours, std::span<const SilhouetteRays> views,
+                                     std::span<const BodyCapsule> fixed) {
+    PartImage shown;
+    for (std::size_t c = 0; c < views.size() && c < colours.cameras_.size(); ++c) {
+        const SilhouetteRays& view = views[c];
+        const BodyColours::Histograms& learned = colours.cameras_[c];
+        if (!view.camera || view.colours.empty() || learned.whole.empty()) continue;
+        shown.draw(view, fixed);
+        View& own = views_.emplace_back(View{&view, &learned, {}});
+        own.cells.resize(view.colours.inside.size());
+        for (std::size_t cell = 0; cell < own.cells.size(); ++cell) {
+            Cell& at = own.cells[cell];
+            at.depth_m = at.fixed_depth_m = shown.depth_m(cell);
+            at.part = shown.covered(cell) ? static_cast<std::int8_t>(shown.part(cell)) : kNoPart;
+        }
+    }
+}
+
+double PartialColourCost::cost(std::span<const BodyCapsule> moving) {
+    double sum = 0;
+    for (View& view : views_) {
+        changed_.clear();
+        for (const BodyCapsule& capsule : moving) {
+            const auto in = in_cells(*view.rays, capsule);
+            if (!in) continue;
+            const auto& cost = view.learned->cost[kPartOfSegment[capsule.segment]];
+            each_cell(view.rays->colours, capsule, *in, [&](std::size_t n, float, float surface_m) {
+                Cell& cell = view.cells[n];
+                if (surface_m >= cell.depth_m || !view.rays->colours.inside[n]) return;
+                if (cell.colour < 0) {
+                    cell.colour = static_cast<std::int16_t>(view.learned->bin(view.rays->colours.colour[n]));
+                    if (cell.part != kNoPart) cell.cost = view.learned->cost[cell.part][cell.colour];
+                    cell.fixed_cost = cell.cost;
+                }
+                if (cell.depth_m == cell.fixed_depth_m) changed_.push_back(n);
+                sum += cost[cell.colour] - cell.cost;
+                cell.depth_m = surface_m, cell.cost = cost[cell.colour];
+            });
+        }
+        for (const std::size_t n : changed_) {
+            Cell& cell = view.cells[n];
+            cell.depth_m = cell.fixed_depth_m, cell.cost = cell.fixed_cost;
+        }
     }
     return sum;
 }

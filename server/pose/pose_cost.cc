@@ -306,9 +306,8 @@ void PoseCost::add_surface_terms(const std::array<DofFrame, kBodyDofCount>& fram
     }
 }
 
-void PoseCost::linearise(const BodyModel& model, const BodyPosture& posture,
-                         std::span<const SilhouetteRays> views, const MotionPrior* prior, double robust_m,
-                         Linearisation& out) {
+void PoseCost::find_terms(const BodyModel& model, const BodyPosture& posture,
+                          std::span<const SilhouetteRays> views, double robust_m) {
     posed_ = model.forward(posture);
     model.capsules(posed_, capsules_);
     terms_.clear();
@@ -322,7 +321,22 @@ void PoseCost::linearise(const BodyModel& model, const BodyPosture& posture,
     floor_terms();
     if (options_.standing_m > 0) standing_terms();
     separation_terms();
+}
 
+double PoseCost::cost_of(const BodyModel& model, const BodyPosture& posture,
+                         std::span<const SilhouetteRays> views, double robust_m) {
+    find_terms(model, posture, views, robust_m);
+    angles_ = {};
+    const BodyCoordinates q = coordinates_from_posture(posture);
+    add_angle_terms(posture, q, angles_);
+    add_lumbopelvic_rhythm(posture, q, angles_);
+    return cost_ + angles_.cost;
+}
+
+void PoseCost::linearise(const BodyModel& model, const BodyPosture& posture,
+                         std::span<const SilhouetteRays> views, const MotionPrior* prior, double robust_m,
+                         Linearisation& out) {
+    find_terms(model, posture, views, robust_m);
     out.hessian.setZero();
     out.gradient.setZero();
     out.cost = cost_;

@@ -31,8 +31,10 @@ struct SurfaceTerm {
 };
 
 struct Linearisation {
-    Eigen::Matrix<double, kBodyDofCount, kBodyDofCount> hessian;  // J^T W J, full
-    Eigen::Matrix<double, kBodyDofCount, 1> gradient;             // J^T W r
+    using Hessian = Eigen::Matrix<double, kBodyDofCount, kBodyDofCount>;
+    using Gradient = Eigen::Matrix<double, kBodyDofCount, 1>;
+    Hessian hessian = Hessian::Zero();     // J^T W J, full
+    Gradient gradient = Gradient::Zero();  // J^T W r
     double cost = 0;
 };
 
@@ -58,6 +60,9 @@ class PoseCost {
     // terms().
     void linearise(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views,
                    const MotionPrior* prior, double robust_m, Linearisation& out);
+    // Only the cost, without prior.
+    double cost_of(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views,
+                   double robust_m);
     double standing_m() const { return options_.standing_m; }
     void set_standing(double standing_m) { options_.standing_m = standing_m; }
     const std::vector<SurfaceTerm>& terms() const { return terms_; }
@@ -65,6 +70,8 @@ class PoseCost {
     const std::vector<BodyCapsule>& capsules() const { return capsules_; }
 
   private:
+    void find_terms(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views,
+                    double robust_m);
     void contour_terms(int camera, const SilhouetteRays& view, double robust_m);
     void inside_terms(int camera, const SilhouetteRays& view, double robust_m);
     void floor_terms();
@@ -80,7 +87,8 @@ class PoseCost {
     std::vector<BodyCapsule> capsules_;
     std::vector<SurfaceTerm> terms_;
     double cost_ = 0;
-    CapsuleBalls balls_;  // kBalls.size() per capsule
+    Linearisation angles_;  // of cost_of()
+    CapsuleBalls balls_;    // kBalls.size() per capsule
     NearestCapsules nearest_;
 };
 

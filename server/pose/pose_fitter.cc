@@ -105,8 +105,7 @@ PoseFit PoseFitter::fit(const BodyModel& model, std::span<const SilhouetteRays> 
 
 double PoseFitter::cost_of(const BodyModel& model, std::span<const SilhouetteRays> views,
                            const BodyPosture& posture) {
-    cost_.linearise(model, posture, views, nullptr, options_.wide_m, trial_);
-    return trial_.cost;
+    return cost_.cost_of(model, posture, views, options_.wide_m);
 }
 
 }  // namespace kinevox

@@ -15,6 +15,11 @@ constexpr double kFrameSetTemperature = 12;
 // Live, no later frame set corrects a lost limb. By live.py over random trials of sweep.py: halves the silent
 // errors, withholds 3 % of the joints more.
 constexpr double kLiveGrossLogOdds = 1.5;
+// A pose that was just found, in few frame sets and without the subject's colours: these odds fall with time.
+constexpr double kNewLogOdds = 2.5, kNew_s = 0.4;
+
+constexpr std::int64_t kLearnInterval_ns = 200'000'000;
+constexpr double kMinLearnedExplained = 0.85;  // see PoseFit::explained
 
 }  // namespace
 
@@ -56,6 +61,17 @@ void PoseStage::reset() {
     tracked_.reset();
     last_.reset();
     missing_legs_ = {};
+    colours_.clear();
+}
+
+// Of frame sets whose silhouettes the posture explains.
+void PoseStage::learn_colours(std::int64_t time_ns, std::span<const SilhouetteRays> views,
+                              std::span<const BodyCapsule> capsules) {
+    if (!options_.filtered || std::abs(time_ns - learned_ns_) < kLearnInterval_ns ||
+        tracked_->fit.explained < kMinLearnedExplained || shows_others(views))
+        return;
+    learned_ns_ = time_ns;
+    colours_.add(views, capsules);
 }
 
 // Usually the coarse projection suffices; the fine one is computed only if a silhouette must be masked.
@@ -117,7 +133,6 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
 
 // Of the postures that the tracker considered, by their costs in this frame set alone.
 std::vector<WeightedPosture> PoseStage::alternatives(std::span<const SilhouetteRays> views) {
-    if (tracked_->alternatives.empty()) return {};
     std::vector<WeightedPosture> weighted;
     double sum = 1;
     for (const BodyPosture& posture : tracked_->alternatives) {
@@ -127,6 +142,10 @@ std::vector<WeightedPosture> PoseStage::alternatives(std::span<const SilhouetteR
         weighted.push_back({posture, weight});
         sum += weight;
     }
+    for (const JudgedPosture& near : tracked_->around) {
+        weighted.push_back({near.posture, std::exp(std::min(0.0, -near.cost_above) / kFrameSetTemperature)});
+        sum += weighted.back().probability;
+    }
     for (WeightedPosture& w : weighted) w.probability /= sum;
     return weighted;
 }
@@ -134,7 +153,8 @@ std::vector<WeightedPosture> PoseStage::alternatives(std::span<const SilhouetteR
 std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint64_t sequence,
                                              std::int64_t time_ns, const PoseObservation& seen,
                                              std::span<const PoseCandidate> candidates) {
-    tracked_ = tracker_.update(time_ns, seen.views, seen.centre_in_world, candidates);
+    tracked_ = tracker_.update(time_ns, seen.views, seen.centre_in_world, candidates,
+                               colours_.empty() ? nullptr : &colours_);
     if (!tracked_) {
         missing_legs_ = {};
         filter_.reset();
@@ -153,8 +173,11 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
     data_cost_ = data.cost;
     const std::vector<SurfaceTerm> terms = judge_.terms();
     const std::vector<BodyCapsule> capsules = judge_.capsules();
+    EstimateOptions estimate = options_.estimate;
+    if (options_.filtered) estimate.gross_log_odds += kNewLogOdds * std::exp(-tracked_->seconds / kNew_s);
     judge_posture(tracker_.model(), tracked_->fit.posture, data, seen.views, terms, capsules,
-                  alternatives(seen.views), static_cast<int>(cameras_.size()), options_.estimate, *pose);
+                  alternatives(seen.views), static_cast<int>(cameras_.size()), estimate, *pose);
+    learn_colours(time_ns, seen.views, capsules);
     const LegSight legs = see_legs(tracker_.model(), tracked_->fit.posture, seen.views);
     withhold_legs(missing_legs_.update(time_ns, legs), *pose);
     const BodyPosture& measured = tracked_->fit.posture;

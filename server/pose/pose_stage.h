@@ -60,6 +60,8 @@ class PoseStage {
 
   private:
     std::vector<WeightedPosture> alternatives(std::span<const SilhouetteRays> views);
+    void learn_colours(std::int64_t time_ns, std::span<const SilhouetteRays> views,
+                       std::span<const BodyCapsule> capsules);
     void mask_views(const kernels::VoxelVolume& volume, const MainBody& body, std::vector<PoseView>& views);
 
     std::vector<Camera> cameras_;
@@ -75,6 +77,8 @@ class PoseStage {
     double data_cost_ = 0;
     std::shared_ptr<const BodyPose> last_;
     MissingLegs missing_legs_;
+    BodyColours colours_;  // of the subject, learned from its poses; not of recordings
+    std::int64_t learned_ns_ = 0;
 };
 
 }  // namespace kinevox

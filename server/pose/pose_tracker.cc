@@ -13,6 +13,7 @@
 #include <span>
 #include <utility>
 
+#include "server/pose/arm_search.h"
 #include "server/pose/key_poses.h"
 #include "server/pose/turned_posture.h"
 
@@ -54,8 +55,10 @@ constexpr double kTurnInterval_s = 0.15, kTurnMemory = 0.85, kTurnEvidence = 60;
 constexpr double kMirroredSlack = 10;
 constexpr double kSame_m = 0.06;  // hypotheses with a smaller mean joint distance are merged
 
-constexpr std::size_t kStartCount = 3;  // of try_other_starts()
-constexpr std::size_t kWorkspaces = kStartCount + 1;
+constexpr std::array<Limb, 2> kLimbsOfArms{Limb::kArmL, Limb::kArmR};
+constexpr double kDoubtfulMove_rad = 0.6;  // of move_arms(), as is the next line
+constexpr std::array<double, 3> kArmMoves_rad{0.3, 0.15, 0.6};
+constexpr std::size_t kStartCount = 3, kWorkspaces = kStartCount + 1;  // of try_other_starts()
 
 // A weight per reference interval as the weight over `seconds`.
 double kept(double per_reference_interval, double seconds) {
@@ -96,7 +99,7 @@ PoseTracker::PoseTracker(double fps, const PoseTrackerOptions& options)
 }
 
 void PoseTracker::set_standing(double standing_m) {
-    for (Workspace& work : workspaces_) work.fitter.set_standing(standing_m);
+    for (Workspace& work : workspaces_) work.set_standing(standing_m);
 }
 
 // `body` of 0 to count - 1, each with a workspace that no other uses meanwhile.
@@ -222,15 +225,19 @@ bool PoseTracker::try_searches(Hypothesis& h, std::span<const SilhouetteRays> vi
     double stayed = 0;
     in_parallel(count + 1, [&](Workspace& work, std::size_t k) {
         if (k == count) {
-            stayed = work.fitter.fit(*model_, views, h.posture, nullptr, false).at.cost;
+            const PoseFit fit = work.fitter.fit(*model_, views, h.posture, nullptr, false);
+            stayed = fit.at.cost + colour_cost(views, fit.posture);
         } else if (const std::optional<BodyPosture> moved = search(work, k)) {
             found[k] = work.fitter.fit(*model_, views, *moved, nullptr, true);
         }
     });
     std::optional<PoseFit>* best = nullptr;
+    double cheapest = stayed - gain;
     for (std::optional<PoseFit>& fit : found)
-        if (fit && (!best || fit->at.cost < (*best)->at.cost)) best = &fit;
-    if (!best || (*best)->at.cost + gain >= stayed) return false;
+        if (const double cost = fit ? fit->at.cost + colour_cost(views, fit->posture) : cheapest;
+            cost < cheapest)
+            best = &fit, cheapest = cost;
+    if (!best) return false;
     replace(h, std::move(**best));
     return true;
 }
@@ -241,7 +248,9 @@ std::optional<PoseFit> PoseTracker::better_fit(Workspace& work, std::span<const 
                                                double gain) {
     PoseFit fit = work.fitter.fit(*model_, views, start, nullptr, true);
     const PoseFit stayed = work.fitter.fit(*model_, views, current, nullptr, false);
-    if (fit.at.cost + gain >= stayed.at.cost) return std::nullopt;
+    if (fit.at.cost + colour_cost(views, fit.posture) + gain >=
+        stayed.at.cost + colour_cost(views, stayed.posture))
+        return std::nullopt;
     return fit;
 }
 
@@ -255,6 +264,7 @@ void PoseTracker::try_moved(Workspace& work, Hypothesis& h, std::span<const Silh
 // Its motion so far was that of another posture.
 void PoseTracker::replace(Hypothesis& h, PoseFit fit) {
     h.replaced.push_back(h.posture);
+    for (auto& of_arm : h.around) of_arm.clear();
     h.fit = std::move(fit);
     h.posture = h.fit.posture;
     h.rate = {};
@@ -312,7 +322,8 @@ bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
     in_parallel(kStartCount + 1, [&](Workspace& work, std::size_t k) {
         PoseFitter& fitter = work.fitter;
         if (k == kStartCount) {
-            cost = fitter.fit(*model_, views, h.fit.posture, nullptr, false).at.cost;
+            const PoseFit fit = fitter.fit(*model_, views, h.fit.posture, nullptr, false);
+            cost = fit.at.cost + colour_cost(views, fit.posture);
             return;
         }
         if (beside_others && k > 0) return;
@@ -323,13 +334,36 @@ bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
     bool is_exchanged = false;
     for (std::size_t k = 0; k < kStartCount; ++k) {
         const double gain = k == 0 && !beside_others ? kBetter : kClearlyBetter;
-        if (!found[k] || found[k]->at.cost + gain >= cost) continue;
-        cost = found[k]->at.cost;
+        if (!found[k]) continue;
+        const double other = found[k]->at.cost + colour_cost(views, found[k]->posture);
+        if (other + gain >= cost) continue;
+        cost = other;
         h.replaced.push_back(h.fit.posture);
         h.fit = *std::move(found[k]);
         is_exchanged = k > 0;
     }
     return is_exchanged;
+}
+
+// Colours show where an arm before the trunk is, silhouettes hardly. One arm and one angle per frame set.
+// What an arm that is elsewhere costs is part of the result's uncertainty.
+void PoseTracker::move_arms(Hypothesis& h, std::span<const SilhouetteRays> views) {
+    const std::size_t arm = next_move_ % kLimbsOfArms.size();
+    const std::span angle(&kArmMoves_rad[next_move_ / kLimbsOfArms.size() % kArmMoves_rad.size()], 1);
+    ++next_move_;
+    ArmSearch search(*model_, h.posture, segments_of(kLimbsOfArms[arm]).lower, views, *colours_,
+                     options_.fit.narrow_m, workspaces_.front().cost);
+    search.improve(angle, 1);
+    if (search.gain() >= kBetter) {
+        const BodyPosture before = std::exchange(h.posture, search.best().posture);
+        h.fit.posture = h.posture;
+        if (max_joint_distance(model_->forward(before).joints_in_world,
+                               model_->forward(h.posture).joints_in_world) > kSame_m)
+            h.replaced.push_back(before);
+    }
+    h.around[arm].clear();
+    for (const MovedArm& moved : search.around(kDoubtfulMove_rad))
+        h.around[arm].push_back({moved.posture, moved.total() - search.best().total()});
 }
 
 // A start that faces the wrong way is not lost, and no search of limbs corrects it.
@@ -376,7 +410,15 @@ void PoseTracker::choose() {
 }
 
 TrackedPosture PoseTracker::best() const {
-    TrackedPosture tracked{hypotheses_.front().fit, hypotheses_.front().replaced};
+    const Hypothesis& first = hypotheses_.front();
+    TrackedPosture tracked{first.fit, first.replaced, {}, first.seconds};
+    for (std::size_t k = 0; k < kLimbsOfArms.size(); ++k)  // of the other arm from the frame set before
+        for (const JudgedPosture& moved : first.around[k]) {
+            const LimbSegments arm = segments_of(kLimbsOfArms[k]);
+            tracked.around.push_back({first.fit.posture, moved.cost_above});
+            for (const int s : {arm.upper, arm.lower, arm.end})
+                tracked.around.back().posture.parent_from_segment[s] = moved.posture.parent_from_segment[s];
+        }
     for (std::size_t k = 1; k < hypotheses_.size(); ++k)
         tracked.alternatives.push_back(hypotheses_[k].fit.posture);
     return tracked;
@@ -399,7 +441,9 @@ void PoseTracker::search_next(Hypothesis& h, std::span<const SilhouetteRays> vie
 }
 
 std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::span<const SilhouetteRays> views,
-                                                  Vec3 centre, std::span<const PoseCandidate> candidates) {
+                                                  Vec3 centre, std::span<const PoseCandidate> candidates,
+                                                  const BodyColours* colours) {
+    colours_ = colours;
     const auto seeing =
         std::count_if(views.begin(), views.end(), [](const SilhouetteRays& v) { return v.camera; });
     double seconds = 1 / fps_;
@@ -439,6 +483,7 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
             usual_unexplained_ += kProtrudingRiseInVain * (best.fit.unexplained - usual_unexplained_);
         }
         check_turned(best, views, seconds);
+        if (colours_ && !shows_others(views)) move_arms(best, views);
         choose();
         usual_interval_s_ = kIntervalMemory * usual_interval_s_ + (1 - kIntervalMemory) * seconds;
     }

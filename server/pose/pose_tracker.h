@@ -2,6 +2,7 @@
 // has explained the silhouettes better for some time, and re-initialises if none does.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -10,6 +11,7 @@
 #include <vector>
 
 #include "common/camera.h"
+#include "server/pose/body_colours.h"
 #include "server/pose/body_model.h"
 #include "server/pose/limb_search.h"
 #include "server/pose/pose_candidate.h"
@@ -18,9 +20,15 @@
 
 namespace kinevox {
 
+struct JudgedPosture {
+    BodyPosture posture;
+    double cost_above = 0;  // that of the tracked posture, colours included
+};
 struct TrackedPosture {
     PoseFit fit;
     std::vector<BodyPosture> alternatives;  // also considered in this frame set
+    std::vector<JudgedPosture> around;      // with an arm that is elsewhere
+    double seconds = 0;                     // since it was found
 };
 
 // `seconds` in intervals of a frame set at 24 to 31 per second, each of which counts as one: what the tracker
@@ -39,10 +47,11 @@ class PoseTracker {
     const BodyModel& model() const { return *model_; }
     void set_standing(double standing_m);  // as in PoseCostOptions
 
-    // Views with a null camera are ignored. `candidates` may be empty. Nothing if too few cameras see the
-    // subject or no pose explains the silhouettes.
+    // Views with a null camera are ignored. `candidates` may be empty. `colours` are the subject's; null:
+    // only silhouettes count. Nothing if too few cameras see the subject or no pose explains the silhouettes.
     std::optional<TrackedPosture> update(std::int64_t time_ns, std::span<const SilhouetteRays> views,
-                                         Vec3 centre_in_world, std::span<const PoseCandidate> candidates);
+                                         Vec3 centre_in_world, std::span<const PoseCandidate> candidates,
+                                         const BodyColours* colours = nullptr);
     void reset() { hypotheses_.clear(); }
     bool tracking() const { return !hypotheses_.empty(); }
 
@@ -54,11 +63,17 @@ class PoseTracker {
         double seconds = 0;
         PoseFit fit;
         std::vector<BodyPosture> replaced;  // fits of the last frame set that a better one replaced
+        std::array<std::vector<JudgedPosture>, 2> around;  // as in TrackedPosture, of each arm
     };
 
     struct Workspace {
-        explicit Workspace(const PoseFitOptions& options) : fitter(options) {}
+        explicit Workspace(const PoseFitOptions& options) : fitter(options), cost(options.cost) {}
+        void set_standing(double standing_m) {
+            fitter.set_standing(standing_m);
+            cost.set_standing(standing_m);
+        }
         PoseFitter fitter;
+        PoseCost cost;
         LimbSearch limbs;
     };
 
@@ -85,6 +100,10 @@ class PoseTracker {
     void try_moved(Workspace& work, Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
                    const std::optional<BodyPosture>& moved, double gain);
     static void replace(Hypothesis& hypothesis, PoseFit fit);
+    void move_arms(Hypothesis& hypothesis, std::span<const SilhouetteRays> views);
+    double colour_cost(std::span<const SilhouetteRays> views, const BodyPosture& posture) const {
+        return colours_ ? colours_->cost(views, *model_, posture) : 0;
+    }
     void check_turned(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, double seconds);
     void choose();
     TrackedPosture best() const;
@@ -92,11 +111,13 @@ class PoseTracker {
     double fps_;
     PoseTrackerOptions options_;
     std::shared_ptr<const BodyModel> model_;
-    bool model_changed_ = false;         // since the last update of a tracked body
-    std::vector<Workspace> workspaces_;  // one per parallel task
+    const BodyColours* colours_ = nullptr;  // during update()
+    bool model_changed_ = false;            // since the last update of a tracked body
+    std::vector<Workspace> workspaces_;     // one per parallel task
     int next_limb_ = 0;
     double intervals_to_pair_ = 0;  // reference intervals until the next search of a pair
     std::size_t next_pair_ = 0;
+    std::size_t next_move_ = 0;  // of move_arms()
     double usual_explained_ = 0;
     double usual_unexplained_ = 0;  // see PoseFit::unexplained
     double usual_interval_s_ = 0;

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/median.h"
+#include "server/pose/arm_search.h"
 #include "server/pose/body_colours.h"
 #include "server/pose/each_run.h"
 #include "server/pose/limb_search.h"
@@ -32,6 +33,10 @@ constexpr double kMuchBetter = 0.7;
 constexpr double kSameLimb_m = 0.08;    // limbs with no joint of joints_of() farther apart are one
 constexpr double kLimbGain = 10;        // minimum decrease of the path's cost per frame set by another limb
 constexpr std::size_t kLimbStarts = 3;  // other limbs that are fitted per frame set, those that match best
+
+constexpr std::array<double, 3> kArmMoves_rad{0.6, 0.3, 0.15};  // of move_arms(), as are the next lines
+constexpr int kMaxArmMoves = 4;                                 // by each angle
+constexpr std::size_t kMovedCandidates = 2;                     // per frame set
 
 constexpr std::array<double, 4> kForearmTurns{-1, -0.5, 0.5, 1};  // rad, see forearm_turned()
 constexpr std::size_t kTurnViews = 4;                             // maximum number, evenly spread
@@ -132,6 +137,31 @@ class Recording {
             }
         });
         each([&](std::size_t n) { searched_[n] = *chosen(n); });
+        for (std::size_t n = 0; n < frames_.size(); ++n)
+            for (const PathCandidate& c : found[n]) add(n, c);
+    }
+
+    // Colours show where an arm before the trunk is, silhouettes hardly: moves the arms of the cheapest
+    // candidates.
+    void move_arms() {
+        std::vector<std::vector<PathCandidate>> found(frames_.size());
+        each([&](std::size_t n) {
+            if (shows_others(n)) return;
+            PoseCost cost(options_.tracker.fit.cost);
+            std::vector<PathCandidate> starts{frames_[n].candidates[choices_[n].candidate]};
+            for (const PathCandidate& c : frames_[n].candidates)
+                if (starts.size() < kMovedCandidates && c.posture != starts[0].posture) starts.push_back(c);
+            for (const PathCandidate& start : starts) {
+                BodyPosture turned = start.posture;
+                for (const int forearm : {kForearmL, kForearmR}) {
+                    ArmSearch search(model_, turned, forearm, recorded_[n].seen->views, colours_,
+                                     options_.tracker.fit.narrow_m, cost);
+                    search.improve(kArmMoves_rad, kMaxArmMoves);
+                    turned = search.best().posture;
+                }
+                found[n].push_back(candidate(n, turned, cost));
+            }
+        });
         for (std::size_t n = 0; n < frames_.size(); ++n)
             for (const PathCandidate& c : found[n]) add(n, c);
     }
@@ -451,6 +481,8 @@ std::vector<RetrackedFrame> retrack(const std::vector<Camera>& cameras, double f
     recording.choose();
     for (int round = 0; round < rounds; ++round) {
         recording.search_around_path();
+        recording.choose();
+        recording.move_arms();
         recording.choose();
         recording.recombine_limbs();
         recording.choose();

@@ -33,6 +33,13 @@ BodyPosture elbow_mirrored(const BodyModel& model, const BodyPosture& posture, i
 std::optional<BodyPosture> forearm_turned(const BodyModel& model, const BodyPosture& posture, int forearm,
                                           Vec3 viewpoint_in_world, double angle);
 
+// Rotates an arm about the line from shoulder to wrist by `angle` (rad): the elbow moves around that line.
+BodyPosture elbow_swivelled(const BodyModel& model, const BodyPosture& posture, int upper_arm, double angle);
+
+// Rotates an upper arm about its own axis by `twist` and bends its elbow further by `bend` (rad): the
+// forearm, kForearmL or kForearmR, points anywhere else. The elbow bends between 0 and kMaxBend_rad.
+BodyPosture forearm_moved(BodyPosture posture, int forearm, double twist, double bend);
+
 // Rotation of the upper arm about its own axis against the hanging arm, after the shortest swing; -pi to pi.
 // Beyond about half of that range no shoulder turns.
 double upper_arm_twist(const BodyPosture& posture, int upper_arm);

@@ -1,10 +1,13 @@
-// What a fit costs: reading a silhouette, one linearisation of the cost, a whole fit, and searches of limbs.
+// What a fit costs: reading a silhouette, one linearisation of the cost, a whole fit, and searches of arms
+// and limbs.
 #include <benchmark/benchmark.h>
 
+#include <array>
 #include <random>
 #include <vector>
 
 #include "common/geometry.h"
+#include "server/pose/arm_search.h"
 #include "server/pose/limb_search.h"
 #include "server/pose/pose_fitter.h"
 #include "tests/support/seen_body.h"
@@ -56,6 +59,31 @@ void fit(benchmark::State& state) {
     for (auto _ : state) benchmark::DoNotOptimize(fitter.fit(*scene.model, views, posture, nullptr, true));
 }
 
+// As in each live frame set, with a colour in each cell.
+void move_arm(benchmark::State& state) {
+    const testing::SeenBody scene = seen_by(static_cast<int>(state.range(0)));
+    std::vector<SilhouetteRays> views = scene.see(scene.standing());
+    std::vector<BodyCapsule> capsules;
+    scene.model->capsules(scene.model->forward(scene.standing()), capsules);
+    std::mt19937 random(7);
+    for (std::size_t c = 0; c < views.size(); ++c) {
+        const kernels::Silhouettes silhouettes = testing::silhouette_of(scene.cameras[c], capsules);
+        std::vector<std::uint8_t> noise(3ull * silhouettes.width * silhouettes.height);
+        for (std::uint8_t& value : noise) value = static_cast<std::uint8_t>(random());
+        read_colours({noise.data(), silhouettes.width, silhouettes.height, 3, 3 * silhouettes.width},
+                     silhouettes, SilhouetteRayOptions().colour_side, views[c].colours);
+    }
+    BodyColours colours;
+    colours.add(views, capsules);
+    PoseCost cost;
+    for (auto _ : state) {
+        ArmSearch search(*scene.model, posture_from_coordinates(scene.standing()), kForearmL, views, colours,
+                         0.04, cost);
+        search.improve(std::array{0.3}, 1);
+        benchmark::DoNotOptimize(search.around(0.6));
+    }
+}
+
 // `search` of a LimbSearch from a perturbed posture.
 template <typename Search>
 void search(benchmark::State& state, const Search& search) {
@@ -76,6 +104,7 @@ constexpr auto kPair = [](LimbSearch& limbs, auto&&... scene) {
 BENCHMARK(read_view)->Unit(benchmark::kMicrosecond);
 BENCHMARK(linearise)->Unit(benchmark::kMicrosecond)->ArgName("cameras")->Arg(4)->Arg(8);
 BENCHMARK(fit)->Unit(benchmark::kMicrosecond)->ArgName("cameras")->Arg(4)->Arg(8);
+BENCHMARK(move_arm)->Unit(benchmark::kMicrosecond)->ArgName("cameras")->Arg(4)->Arg(8);
 BENCHMARK_CAPTURE(search, limb, kOneLimb)->Unit(benchmark::kMicrosecond)->ArgName("cameras")->Arg(4)->Arg(8);
 BENCHMARK_CAPTURE(search, pair, kPair)->Unit(benchmark::kMicrosecond)->ArgName("cameras")->Arg(4)->Arg(8);
 

@@ -6,10 +6,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <vector>
 
+#include "common/body_pose.h"
 #include "common/geometry.h"
+#include "server/pose/arm_search.h"
 #include "server/pose/ray_capsule.h"
 #include "server/pose/turned_posture.h"
 #include "server/pose/view_colours.h"
@@ -172,6 +175,80 @@ TEST_F(BodyColoursTest, CostNothingWithoutImages) {
     colours.learn(std::vector<BodyColours::Example>{{views, capsules}});
     EXPECT_EQ(colours.cost(views, capsules), 0);
     EXPECT_EQ(learned().cost(views, capsules), 0);
+}
+
+TEST_F(BodyColoursTest, AddedExamplesCountAsLearnedOnes) {
+    const BodyColours learned_at_once = learned();
+    BodyColours added;
+    for (int n = 0; n < 3; ++n)
+        for (const BodyCoordinates& q : {scene_.standing(), scene_.t_pose()})
+            added.add(see(q), capsules_of(posture_from_coordinates(q)));
+    const auto views = see(folded());
+    const std::vector<BodyCapsule> right = capsules_of(posture_from_coordinates(folded())),
+                                   wrong = capsules_of(posture_from_coordinates(scene_.standing()));
+    const double gain = learned_at_once.cost(views, wrong) - learned_at_once.cost(views, right);
+    ASSERT_GT(gain, 20);
+    EXPECT_GT(added.cost(views, wrong) - added.cost(views, right), 0.7 * gain);
+    added.clear();
+    EXPECT_EQ(added.cost(views, right), 0);
+}
+
+TEST_F(BodyColoursTest, PartialCostIsThatOfTheWholeBody) {
+    const BodyColours colours = learned();
+    const auto views = see(folded());
+    const auto is_arm = [](const BodyCapsule& c) {
+        return c.segment == kUpperArmL || c.segment == kForearmL || c.segment == kHandL;
+    };
+    std::vector<BodyCapsule> rest = capsules_of(posture_from_coordinates(folded()));
+    std::erase_if(rest, is_arm);
+    const double without = colours.cost(views, rest);
+    PartialColourCost partial(colours, views, rest);
+    for (const BodyCoordinates& q : {folded(), scene_.standing(), folded()}) {
+        BodyPosture posture = posture_from_coordinates(folded());
+        for (const int s : {kUpperArmL, kForearmL, kHandL})
+            posture.parent_from_segment[s] = posture_from_coordinates(q).parent_from_segment[s];
+        const std::vector<BodyCapsule> whole = capsules_of(posture);
+        std::vector<BodyCapsule> arm;
+        std::ranges::copy_if(whole, std::back_inserter(arm), is_arm);
+        EXPECT_NEAR(without + partial.cost(arm), colours.cost(views, whole), 1e-3);
+    }
+}
+
+TEST_F(BodyColoursTest, ArmSearchFindsTheForearmBeforeTheTrunk) {
+    const BodyColours colours = learned();
+    const BodyPosture truth = posture_from_coordinates(folded());
+    const auto views = see(folded());
+    constexpr std::size_t kHand = *joint_index("hand_l"), kElbow = *joint_index("elbow_l");
+    const JointPositions expected = scene_.model->forward(truth).joints_in_world;
+    const auto error = [&](const BodyPosture& posture, std::size_t joint) {
+        return norm(scene_.model->forward(posture).joints_in_world[joint] - expected[joint]);
+    };
+    PoseCost cost;
+    for (const double angle : {-0.6, 0.6}) {
+        const BodyPosture start = forearm_moved(truth, kForearmL, angle, 0.3);
+        ASSERT_GT(error(start, kHand), 0.12);
+        ArmSearch search(*scene_.model, start, kForearmL, views, colours, 0.04, cost);
+        search.improve(std::array{0.6, 0.3, 0.15}, 4);
+        EXPECT_GT(search.gain(), 0);
+        EXPECT_LT(error(search.best().posture, kHand), 0.06) << angle;
+        EXPECT_LT(error(search.best().posture, kElbow), 0.04) << angle;
+        double least = std::numeric_limits<double>::infinity();
+        for (const MovedArm& moved : search.around(0.6)) least = std::min(least, moved.total());
+        EXPECT_GT(least, search.best().total() + 10) << "colours determine this arm";
+    }
+}
+
+TEST_F(BodyColoursTest, ElbowSwivelsAroundTheLineFromShoulderToWrist) {
+    const BodyPosture start = posture_from_coordinates(folded());
+    const PosedBody before = scene_.model->forward(start),
+                    after = scene_.model->forward(elbow_swivelled(*scene_.model, start, kUpperArmL, 0.5));
+    const auto moved = [&](int segment) {
+        return norm(after.world_from_segment[segment].translation -
+                    before.world_from_segment[segment].translation);
+    };
+    EXPECT_LT(moved(kUpperArmL), 0.01) << "the shoulder follows the elbow a little";
+    EXPECT_LT(moved(kHandL), 0.01);
+    EXPECT_GT(moved(kForearmL), 0.03);
 }
 
 TEST_F(BodyColoursTest, ForearmTurnedKeepsElbowAndDirectionInTheImage) {

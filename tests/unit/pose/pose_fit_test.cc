@@ -454,7 +454,7 @@ TEST(PoseEstimate, StatesErrorOfModelWhereSilhouettesFit) {
 TEST(PoseStage, StatesLargerDeviationsUntilTheBodyIsKnown) {
     const Scene scene;
     const PoseObservation seen{0, {0, 0, 0.95}, scene.see(scene.standing())};
-    PoseStage stage(scene.cameras, 30, {.body = scene.model->shape()});
+    PoseStage stage(scene.cameras, 30, {.filtered = false, .body = scene.model->shape()});
     const auto unknown = stage.process(1, 0, 0, seen, {});
     stage.set_body({.shape = scene.model->shape()});
     stage.reset();
@@ -511,6 +511,23 @@ TEST(PoseStage, StatesLargerDeviationsLiveThanOfARecording) {
         EXPECT_GT(poses[true]->joints[*joint_index(name)].std_m,
                   poses[false]->joints[*joint_index(name)].std_m)
             << name;
+}
+
+// The first posture is found in one frame set; later ones confirm it.
+TEST(PoseStage, StatesLargerDeviationsOfANewPoseLive) {
+    const testing::SeenBody scene;
+    PoseStage stage(scene.cameras, 30, {.body = scene.model->shape()});
+    const PoseObservation seen{0, {0, 0, 0.95}, scene.see(scene.standing())};
+    std::shared_ptr<BodyPose> first, last;
+    for (int n = 0; n < 45; ++n) {
+        PoseObservation now = seen;
+        now.time_ns = n * 33'333'333ll;
+        last = stage.process(1, n, now.time_ns, now, {});
+        ASSERT_TRUE(last);
+        if (n == 0) first = last;
+    }
+    constexpr std::size_t kRoot = *joint_index("root");
+    EXPECT_GT(first->joints[kRoot].std_m, 1.15 * last->joints[kRoot].std_m);
 }
 
 TEST(PoseEstimate, WidensLimbThatMissesItsSilhouettes) {

@@ -1,0 +1,53 @@
+// Where a forearm points, by silhouettes and colours together: before the trunk the silhouettes hardly show
+// it.
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "server/pose/body_colours.h"
+#include "server/pose/body_model.h"
+#include "server/pose/pose_cost.h"
+
+namespace kinevox {
+
+struct MovedArm {
+    BodyPosture posture;
+    double cost = 0;         // against the silhouettes
+    double colour_cost = 0;  // of the arm
+    double total() const { return cost + colour_cost; }
+};
+
+// Moves the arm of one forearm, kForearmL or kForearmR: bends the elbow, rotates the upper arm about its own
+// axis and the elbow around the line from shoulder to wrist. The arguments must outlive it.
+class ArmSearch {
+  public:
+    ArmSearch(const BodyModel& model, const BodyPosture& posture, int forearm,
+              std::span<const SilhouetteRays> views, const BodyColours& colours, double robust_m,
+              PoseCost& cost);
+
+    // Moves by each of these angles (rad), as often as the total falls, but at most `max_moves` times.
+    void improve(std::span<const double> angles, int max_moves);
+    // The best so far, and the decrease of its total.
+    const MovedArm& best() const { return best_; }
+    double gain() const { return before_ - best_.total(); }
+    // The best one moved by an angle (rad) about each of the three axes, in either direction.
+    std::array<MovedArm, 6> around(double angle);
+
+  private:
+    bool moves(const BodyCapsule& capsule) const;
+    MovedArm judge(const BodyPosture& posture);
+
+    const BodyModel& model_;
+    int forearm_;
+    std::span<const SilhouetteRays> views_;
+    double robust_m_;
+    PoseCost& cost_;
+    std::vector<BodyCapsule> capsules_;
+    PartialColourCost colour_;
+    MovedArm best_;
+    double before_ = 0;
+};
+
+}  // namespace kinevox
