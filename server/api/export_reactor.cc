@@ -94,8 +94,9 @@ absl::Status ExportReactor::register_stream(grpc::CallbackServerContext* context
         api_.guard->open_stream(authorization_of(*context), [weak = weak_from_this()](const absl::Status&) {
             if (const auto self = weak.lock()) self->revoked_ = self->stop_ = true;
         });
-    if (counted.ok()) counted_ = *std::move(counted);
-    return counted.status();
+    if (!counted.ok()) return counted.status();
+    counted_ = *std::move(counted);
+    return absl::OkStatus();
 }
 
 // Removes the files first, so that they are gone when the client receives the status.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <iterator>
-#include <utility>
 
 #include "server/pose/turned_posture.h"
 
@@ -62,9 +61,9 @@ void ArmSearch::improve(std::span<const double> angles, int max_moves) {
     for (const double angle : angles)
         for (int n = 0; n < max_moves; ++n) {
             std::array<MovedArm, 6> tried = around(angle);
-            MovedArm& cheapest = *std::ranges::min_element(tried, {}, &MovedArm::total);
+            const MovedArm& cheapest = *std::ranges::min_element(tried, {}, &MovedArm::total);
             if (cheapest.total() >= best_.total()) break;
-            best_ = std::move(cheapest);
+            best_ = cheapest;
         }
 }
 
