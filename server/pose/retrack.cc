@@ -157,9 +157,9 @@ class Recording {
                     ArmSearch search(model_, turned, forearm, recorded_[n].seen->views, colours_,
                                      options_.tracker.fit.narrow_m, cost);
                     search.improve(kArmMoves_rad, kMaxArmMoves);
-                    turned = search.best().posture;
+                    if (search.gain() >= kLimbGain) turned = search.best().posture;
                 }
-                found[n].push_back(candidate(n, turned, cost));
+                if (turned != start.posture) found[n].push_back(candidate(n, turned, cost));
             }
         });
         for (std::size_t n = 0; n < frames_.size(); ++n)
