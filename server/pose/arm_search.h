@@ -1,5 +1,4 @@
-// Where a forearm points, by silhouettes and colours together: before the trunk the silhouettes hardly show
-// it.
+// Where an arm is, by silhouettes and colours together: before the trunk the silhouettes hardly show it.
 #pragma once
 
 #include <array>
@@ -8,6 +7,7 @@
 
 #include "server/pose/body_colours.h"
 #include "server/pose/body_model.h"
+#include "server/pose/limb_search.h"
 #include "server/pose/pose_cost.h"
 
 namespace kinevox {
@@ -19,11 +19,11 @@ struct MovedArm {
     double total() const { return cost + colour_cost; }
 };
 
-// Moves the arm of one forearm, kForearmL or kForearmR: bends the elbow, rotates the upper arm about its own
-// axis and the elbow around the line from shoulder to wrist. The arguments must outlive it.
+// Moves one arm, kArmL or kArmR: bends the elbow, rotates the upper arm about its own axis and the elbow
+// around the line from shoulder to wrist. Model, views, colours and cost must outlive it.
 class ArmSearch {
   public:
-    ArmSearch(const BodyModel& model, const BodyPosture& posture, int forearm,
+    ArmSearch(const BodyModel& model, const BodyPosture& posture, Limb arm,
               std::span<const SilhouetteRays> views, const BodyColours& colours, double robust_m,
               PoseCost& cost);
 
@@ -36,16 +36,15 @@ class ArmSearch {
     std::array<MovedArm, 6> around(double angle);
 
   private:
-    bool moves(const BodyCapsule& capsule) const;
     MovedArm judge(const BodyPosture& posture);
 
     const BodyModel& model_;
-    int forearm_;
+    LimbSegments arm_;
     std::span<const SilhouetteRays> views_;
     double robust_m_;
     PoseCost& cost_;
-    std::vector<BodyCapsule> capsules_;
     PartialColourCost colour_;
+    std::vector<BodyCapsule> moved_;  // of the last posture
     MovedArm best_;
     double before_ = 0;
 };

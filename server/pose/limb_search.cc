@@ -158,10 +158,7 @@ double LimbSearch::cost(std::span<const SilhouetteRays> views, std::span<const B
 void LimbSearch::split(const BodyModel& model, const BodyPosture& posture, std::span<const Limb> limbs,
                        std::vector<BodyCapsule>* others) {
     const auto belongs = [&](const BodyCapsule& c) {
-        return std::any_of(limbs.begin(), limbs.end(), [&](Limb limb) {
-            const LimbSegments own = segments_of(limb);
-            return c.segment == own.upper || c.segment == own.lower || c.segment == own.end;
-        });
+        return std::ranges::any_of(limbs, [&](Limb limb) { return segments_of(limb).has(c.segment); });
     };
     model.capsules(model.forward(posture), capsules_);
     if (others) {
@@ -214,7 +211,7 @@ void LimbSearch::place_configurations(const BodyModel& model, const PosedBody& p
         const Rigid3 end = lower * Rigid3{Mat3{}, model.offset_in_parent(limb.end)};
         for (const BodyCapsule& capsule : model.capsules_in_segments()) {
             const int s = capsule.segment;
-            if (s == limb.upper || s == limb.lower || s == limb.end)
+            if (limb.has(s))
                 placed_.push_back(capsule_in_world(s == limb.upper   ? upper
                                                    : s == limb.lower ? lower
                                                                      : end,

@@ -23,6 +23,7 @@ inline constexpr std::array<Limb, 4> kLimbs{Limb::kArmL, Limb::kArmR, Limb::kLeg
 struct LimbSegments {
     int upper, lower, end;
     bool arm, left;
+    bool has(int segment) const { return segment == upper || segment == lower || segment == end; }
 };
 LimbSegments segments_of(Limb limb);
 

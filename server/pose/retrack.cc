@@ -152,14 +152,14 @@ class Recording {
             for (const PathCandidate& c : frames_[n].candidates)
                 if (starts.size() < kMovedCandidates && c.posture != starts[0].posture) starts.push_back(c);
             for (const PathCandidate& start : starts) {
-                BodyPosture turned = start.posture;
-                for (const int forearm : {kForearmL, kForearmR}) {
-                    ArmSearch search(model_, turned, forearm, recorded_[n].seen->views, colours_,
+                BodyPosture moved = start.posture;
+                for (const Limb arm : {Limb::kArmL, Limb::kArmR}) {
+                    ArmSearch search(model_, moved, arm, recorded_[n].seen->views, colours_,
                                      options_.tracker.fit.narrow_m, cost);
                     search.improve(kArmMoves_rad, kMaxArmMoves);
-                    if (search.gain() >= kLimbGain) turned = search.best().posture;
+                    if (search.gain() >= kLimbGain) moved = search.best().posture;
                 }
-                if (turned != start.posture) found[n].push_back(candidate(n, turned, cost));
+                if (moved != start.posture) found[n].push_back(candidate(n, moved, cost));
             }
         });
         for (std::size_t n = 0; n < frames_.size(); ++n)

@@ -227,7 +227,7 @@ TEST_F(BodyColoursTest, ArmSearchFindsTheForearmBeforeTheTrunk) {
     for (const double angle : {-0.6, 0.6}) {
         const BodyPosture start = forearm_moved(truth, kForearmL, angle, 0.3);
         ASSERT_GT(error(start, kHand), 0.12);
-        ArmSearch search(*scene_.model, start, kForearmL, views, colours, 0.04, cost);
+        ArmSearch search(*scene_.model, start, Limb::kArmL, views, colours, 0.04, cost);
         search.improve(std::array{0.6, 0.3, 0.15}, 4);
         EXPECT_GT(search.gain(), 0);
         EXPECT_LT(error(search.best().posture, kHand), 0.06) << angle;
