@@ -92,21 +92,26 @@ std::optional<Vec3> centre_of(const kernels::VoxelVolume& volume) {
     return Vec3{middle(0, x), middle(1, y), middle(2, z)};
 }
 
-std::optional<double> bottom_of(const kernels::VoxelVolume& volume) {
-    std::map<int, std::int64_t> layers;  // voxels by the bricks' z
-    std::int64_t count = 0;
+double legs_missing_below(const kernels::VoxelVolume& volume) {
+    constexpr double kMinArea_m2 = 0.003;  // of a layer's section; an ankle with its surroundings is larger
+    std::map<int, std::int64_t> layers;    // voxels by the bricks' z
     for (const kernels::Brick& brick : volume.bricks) {
-        int voxels = 0;
+        std::int64_t& voxels = layers[brick.z];
         for (const std::uint64_t layer : brick.occupancy) voxels += std::popcount(layer);
-        layers[brick.z] += voxels;
-        count += voxels;
     }
-    if (count == 0) return std::nullopt;
-    const double brick_m = kernels::kBrickEdge * static_cast<double>(volume.lattice.voxel_m);
-    std::int64_t below = 0;
+    const auto voxel_m = static_cast<double>(volume.lattice.voxel_m);
+    const double brick_m = kernels::kBrickEdge * voxel_m;
+    std::erase_if(layers, [&](const auto& layer) {
+        return static_cast<double>(layer.second) * voxel_m * voxel_m < kMinArea_m2 * kernels::kBrickEdge;
+    });
+    if (layers.empty()) return 0;
+    const auto height_of = [&](int z) { return volume.lattice.origin[2] + brick_m * z; };
+    const double middle = height_of(layers.rbegin()->first + 1) / 2;
+    // A body whose lowest part is higher lacks all below.
+    double missing = std::max(height_of(layers.begin()->first), 0.0);
     for (const auto& [z, voxels] : layers)
-        if (100 * (below += voxels) >= count) return volume.lattice.origin[2] + brick_m * z;
-    return std::nullopt;
+        if (height_of(z) <= middle && !layers.contains(z - 1)) missing = std::max(missing, height_of(z));
+    return missing;
 }
 
 }  // namespace kinevox

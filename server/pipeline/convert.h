@@ -17,7 +17,8 @@ void coarsen_by_four(const kernels::VoxelVolume& volume, kernels::VoxelVolume& o
 
 // The centre of gravity, m, to about a voxel, from the centres of the bricks. Empty for an empty volume.
 std::optional<Vec3> centre_of(const kernels::VoxelVolume& volume);
-// Height below which a hundredth of a volume is, to a brick's edge; stray voxels on the floor do not count.
-std::optional<double> bottom_of(const kernels::VoxelVolume& volume);
+// Height below which the legs of a body on the floor (z = 0) are not in its volume, m, to a brick's edge: the
+// top of the highest layer of bricks in its lower half that holds less than an ankle. 0 where none does.
+double legs_missing_below(const kernels::VoxelVolume& volume);
 
 }  // namespace kinevox

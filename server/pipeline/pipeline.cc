@@ -77,6 +77,7 @@ class SpareReconstructions {
 struct ExpectedShape {
     std::uint32_t subject_id = 0;
     kernels::VoxelVolume coarse;  // of the last frame set that showed it
+    std::optional<Box3> legs;     // the space of legs that it lacks, in the world frame
     Vec3 motion;                  // since then, m
 };
 
@@ -271,6 +272,10 @@ kernels::SegmentationPrior StagedPipeline::expectation(std::size_t camera,
         kernels::Rect covered;
         kernels::project_volume(shapes_[n].coarse, models_[camera], moved, dilate_px, mask.data(), covered);
         if (n > 0) add_box(mask, c.width, covered, expected);
+        if (shapes_[n].legs)
+            fill_box(projected_box(
+                         c, {shapes_[n].legs->min_in_world + motion, shapes_[n].legs->max_in_world + motion}),
+                     c.width, expected);
     }
     prior.expected = expected.data();
     if (prior.max_distance_px >= 0) prior.max_distance_px = std::max(prior.max_distance_px - dilate_px, 0);
@@ -405,10 +410,12 @@ void StagedPipeline::finish_subject(const SceneSubject& tracked, SubjectReconstr
                                     SubjectResult& subject) {
     static_assert(PoseStage::kCoarseFactor == 4);
     coarsen_by_four(work.volume, work.coarse);
-    shapes_.push_back({tracked.track.subject_id, work.coarse, {}});
-    if (!tracker_.separates())
-        if (const auto centre = centre_of(work.volume))
-            tracker_.observe_volume(*centre, *bottom_of(work.volume), work.coarse);
+    ExpectedShape& shape = shapes_.emplace_back(ExpectedShape{tracked.track.subject_id, work.coarse, {}, {}});
+    if (const auto centre = centre_of(work.volume)) {
+        const double missing_below_m = legs_missing_below(work.volume);
+        shape.legs = missing_legs_space(*centre, missing_below_m);
+        if (!tracker_.separates()) tracker_.observe_volume(*centre, missing_below_m, work.coarse);
+    }
     subject.volume = std::make_shared<const Volume>(to_common(work.volume));
 }
 
@@ -417,7 +424,7 @@ void StagedPipeline::reconstruct_subjects(Reconstruction& work, LapTimer& timer)
     FrameResult& result = *work.result;
     if (work.subjects.size() < tracked_.size()) work.subjects.resize(tracked_.size());
     shapes_.clear();
-    for (const Bystander& bystander : bystanders_) shapes_.push_back({bystander.id, bystander.shape, {}});
+    for (const Bystander& bystander : bystanders_) shapes_.push_back({bystander.id, bystander.shape, {}, {}});
     if (std::ranges::none_of(tracked_, [](const SceneSubject& each) { return each.lattice.has_value(); }))
         return;
     for (std::size_t n = 0; n < tracked_.size(); ++n)

@@ -16,6 +16,12 @@ inline void clear_box(std::vector<std::uint8_t>& mask, int width, const kernels:
         std::fill_n(mask.data() + static_cast<std::size_t>(y) * width + box.x0, box.width(), std::uint8_t{0});
 }
 
+inline void fill_box(const kernels::Rect& box, int width, std::vector<std::uint8_t>& mask) {
+    for (int y = box.y0; y < box.y1; ++y)
+        std::fill_n(mask.data() + static_cast<std::size_t>(y) * width + box.x0, box.width(),
+                    std::uint8_t{255});
+}
+
 // Sets in `into` what `mask` sets inside the box.
 inline void add_box(const std::vector<std::uint8_t>& mask, int width, const kernels::Rect& box,
                     std::vector<std::uint8_t>& into) {

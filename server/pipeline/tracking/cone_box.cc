@@ -192,6 +192,13 @@ kernels::Rect projected_box(const Camera& camera, const Box3& box, double* fract
     return inside;
 }
 
+std::optional<Box3> missing_legs_space(Vec3 centre_in_world, double missing_below_m) {
+    if (missing_below_m <= kMaxFeetHeight_m) return std::nullopt;
+    const Vec3& c = centre_in_world;
+    return Box3{{c.x - kMaxStride_m, c.y - kMaxStride_m, 0},
+                {c.x + kMaxStride_m, c.y + kMaxStride_m, missing_below_m}};
+}
+
 double nearest_depth(const Camera& camera, const Box3& box) {
     double nearest = std::numeric_limits<double>::infinity();
     for (int n = 0; n < 8; ++n) {

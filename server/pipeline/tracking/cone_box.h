@@ -49,6 +49,13 @@ inline constexpr double kMinPartDistance_m = 0.3;
 // Of a volume whose legs are complete.
 inline constexpr double kMaxFeetHeight_m = 0.25;
 
+// Of the feet from the centre of gravity, to all sides.
+inline constexpr double kMaxStride_m = 0.6;
+
+// Where the legs of a body are that its volume lacks below this height, since a person stands on the floor:
+// legs that look like it. Empty where no more than the feet are missing.
+std::optional<Box3> missing_legs_space(Vec3 centre_in_world, double missing_below_m);
+
 // Below this fraction of a subject's box inside its image, a camera need not see the subject.
 inline constexpr double kMinExpectedInside = 0.5;
 

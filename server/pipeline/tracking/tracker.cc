@@ -22,13 +22,13 @@ Box3 box_around(Vec3 centre, const Box3& extent, double margin_m) {
 }
 
 // A standing or stretched person of any size, from the centre of gravity.
-constexpr Box3 kAnyPerson{{-0.6, -0.6, -1.15}, {0.6, 0.6, 1.15}};
+constexpr Box3 kAnyPerson{{-kMaxStride_m, -kMaxStride_m, -1.15}, {kMaxStride_m, kMaxStride_m, 1.15}};
 
 // A person stands on the floor. Legs that look like it are searched for down to it, within a stride to all
 // sides.
-Box3 down_to_floor(Box3 extent, Vec3 centre) {
+Box3 down_to_floor(Box3 extent, Vec3 centre, bool legs_missing) {
     const double floor = std::max(-centre.z, kAnyPerson.min_in_world.z);
-    if (extent.min_in_world.z < floor + kMaxFeetHeight_m) return extent;
+    if (!legs_missing && extent.min_in_world.z < floor + kMaxFeetHeight_m) return extent;
     Vec3 &low = extent.min_in_world, &high = extent.max_in_world;
     low = {std::min(low.x, kAnyPerson.min_in_world.x), std::min(low.y, kAnyPerson.min_in_world.y), floor};
     high = {std::max(high.x, kAnyPerson.max_in_world.x), std::max(high.y, kAnyPerson.max_in_world.y), high.z};
@@ -77,12 +77,13 @@ void Tracker::take_over(const std::optional<TrackedState>& subject, std::uint32_
     filter_ = subject->filter;
     const Vec3 centre = filter_.centre_in_world();
     extent_ = down_to_floor(
-        {subject->box_in_world.min_in_world - centre, subject->box_in_world.max_in_world - centre}, centre);
+        {subject->box_in_world.min_in_world - centre, subject->box_in_world.max_in_world - centre}, centre,
+        false);
     last_time_ns_ = subject->time_ns;
     last_measured_ns_ = subject->last_measured_ns;
     predictions_ = 0;
     shape_offset_ = {};
-    above_floor_ = false;
+    legs_missing_ = false;
 }
 
 // Smaller blobs are no person: a thin one of 1/20 of the image height.
@@ -121,7 +122,7 @@ std::vector<kernels::SegmentationPrior> Tracker::predict(std::int64_t time_ns, V
         // Of the subject's nearest point; without a bound where it may be behind the camera.
         const double depth = nearest_depth(cameras_[c], box_around(filter_.centre_in_world(), extent_, 0));
         // Its legs may be apart from what was found of it.
-        if (depth > kMinPartDistance_m && !above_floor_)
+        if (depth > kMinPartDistance_m && !legs_missing_)
             priors[c].max_distance_px =
                 static_cast<int>(std::ceil(std::max(cameras_[c].fx, cameras_[c].fy) * margin_m / depth));
         if (priors[c].region.empty())
@@ -208,7 +209,7 @@ void Tracker::place_lattice(const std::vector<std::optional<Blob>>& chosen, Trac
     const Box3 within{centre - radius, centre + radius};
     // Cones without an intersection belong to a partly visible subject; use the size of a person.
     Box3 box = box_of_cones(cones, within).value_or(box_around(centre, kAnyPerson, 0));
-    extent_ = down_to_floor({box.min_in_world - centre, box.max_in_world - centre}, centre);
+    extent_ = down_to_floor({box.min_in_world - centre, box.max_in_world - centre}, centre, legs_missing_);
     box = box_around(centre, extent_, 0);
     const Vec3 margin{options_.margin_m, options_.margin_m, options_.margin_m};
     box = {box.min_in_world - margin, box.max_in_world + margin};
@@ -265,7 +266,7 @@ TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
         return update;
     }
 
-    if (!tracking_) shape_offset_ = {}, above_floor_ = false;
+    if (!tracking_) shape_offset_ = {}, legs_missing_ = false;
     intersection_in_world_ = found->point_in_world;
     found->point_in_world += shape_offset_;
     assign_roles(*found, silhouettes, chosen, update.roles);
@@ -298,9 +299,9 @@ TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
     return update;
 }
 
-void Tracker::observe_volume(Vec3 centre_in_world, double bottom_m) {
+void Tracker::observe_volume(Vec3 centre_in_world, double missing_below_m) {
     if (!tracking_) return;
-    above_floor_ = bottom_m > kMaxFeetHeight_m;
+    legs_missing_ = missing_below_m > kMaxFeetHeight_m;
     shape_offset_ += options_.shape_offset_gain * (centre_in_world - intersection_in_world_ - shape_offset_);
     const double length = norm(shape_offset_);
     if (length > options_.max_shape_offset_m)

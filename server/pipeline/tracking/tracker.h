@@ -154,9 +154,9 @@ class Tracker {
                          const std::vector<const kernels::Silhouettes*>& silhouettes,
                          const Newcomer& newcomer = {});
 
-    // The centre of gravity of the volume carved from the last update's lattice, and the height of its lowest
-    // part.
-    void observe_volume(Vec3 centre_in_world, double bottom_m);
+    // The centre of gravity of the volume carved from the last update's lattice, and the height below
+    // which it lacks the legs; 0: nowhere.
+    void observe_volume(Vec3 centre_in_world, double missing_below_m);
 
     bool tracking() const { return tracking_; }
     // Forgets the subject, without an event.
@@ -205,7 +205,7 @@ class Tracker {
     Vec3 intersection_in_world_;  // of the rays in the last update, without the offset
     Vec3 shape_offset_;           // from there to the body's centre, m
     Box3 extent_;                 // of the subject, from its centre, m
-    bool above_floor_ = false;    // the last volume: jumping, or its legs are missing
+    bool legs_missing_ = false;   // from the last volume: jumping, or they look like the floor
 };
 
 }  // namespace kinevox

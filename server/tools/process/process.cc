@@ -267,12 +267,15 @@ bool may_lack_parts(const Run& run) {
            quality::may_lack_parts(run.quality.causes);
 }
 
-// Shadows taken for the subject fit no body either, so the residual decides between the two rules.
+// Shadows taken for the subject fit no body either, so the residual decides between the two rules, together
+// with the joints that neither shows.
 bool is_better(const PoseFitSummary& one, const PoseFitSummary& other) {
-    constexpr double kMaxMoreWithheld = 0.005;
-    return one.contour_residual_m && other.contour_residual_m &&
-           *one.contour_residual_m < *other.contour_residual_m &&
-           one.withheld_fraction <= other.withheld_fraction + kMaxMoreWithheld;
+    constexpr double kWithheld_m = 0.1;  // what a joint without a position counts
+    if (!one.contour_residual_m || !other.contour_residual_m) return false;
+    const auto cost = [](const PoseFitSummary& run) {
+        return *run.contour_residual_m + kWithheld_m * run.withheld_fraction;
+    };
+    return cost(one) < cost(other);
 }
 
 }  // namespace

@@ -69,18 +69,27 @@ TEST(Convert, ReturnsCentreOfVoxels) {
     EXPECT_FALSE(centre_of({}));
 }
 
-TEST(Convert, IgnoresStrayVoxelsBelowBottom) {
+TEST(Convert, FindsHeightBelowWhichLegsAreMissing) {
     kernels::VoxelVolume volume;
     volume.lattice.voxel_m = 0.01f;
     volume.lattice.origin[2] = -0.08f;
-    kernels::Brick full{}, stray{};
-    std::ranges::fill(full.occupancy, ~std::uint64_t{0});
-    full.z = 6;
-    stray.occupancy[3] = 1;
-    volume.bricks = {stray, full};
-    ASSERT_TRUE(bottom_of(volume));
-    EXPECT_NEAR(*bottom_of(volume), 0.40, 1e-6);
-    EXPECT_FALSE(bottom_of({}));
+    const auto standing_on = [&](std::initializer_list<int> layers) {  // and a trunk from 0.80 to 1.68 m
+        volume.bricks.clear();
+        kernels::Brick full{};
+        std::ranges::fill(full.occupancy, ~std::uint64_t{0});
+        for (int z = 11; z < 22; ++z) full.z = static_cast<std::int16_t>(z), volume.bricks.push_back(full);
+        for (const int z : layers) full.z = static_cast<std::int16_t>(z), volume.bricks.push_back(full);
+        return legs_missing_below(volume);
+    };
+    EXPECT_NEAR(standing_on({1, 2, 3, 4, 5, 6, 7, 8, 9, 10}), 0, 1e-6);
+    EXPECT_NEAR(standing_on({7, 8, 9, 10}), 0.48, 1e-6) << "shanks";
+    EXPECT_NEAR(standing_on({1, 2, 3, 4, 5}), 0.80, 1e-6) << "thighs";
+    EXPECT_NEAR(standing_on({}), 0.80, 1e-6);
+    kernels::Brick stray{};
+    stray.z = 3, stray.occupancy[3] = 1;
+    volume.bricks.push_back(stray);
+    EXPECT_NEAR(legs_missing_below(volume), 0.80, 1e-6) << "stray voxels are no legs";
+    EXPECT_EQ(legs_missing_below({}), 0);
 }
 
 TEST(Convert, KeepsVoxelsAndColours) {

@@ -62,6 +62,7 @@ TEST_F(FaintSwitchTest, StaysWhereAnotherCauseExplainsTheResidual) {
     EXPECT_TRUE(may_lack_parts({}));
     EXPECT_TRUE(may_lack_parts(std::vector<Cause>{{.cause = "silhouettes"}, {.cause = "camera_moved"}}));
     EXPECT_FALSE(may_lack_parts(std::vector<Cause>{{.cause = "camera_moved"}, {.cause = "silhouettes"}}));
+    EXPECT_TRUE(may_lack_parts(std::vector<Cause>{{.cause = "camera_time"}, {.cause = "silhouettes"}}));
 }
 
 TEST_F(FaintSwitchTest, NeedsSecondsOfOneRun) {
