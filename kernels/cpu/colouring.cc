@@ -42,9 +42,8 @@ class CpuVoxelColourer final : public VoxelColourer {
         if (options_.max_rounds > 0) {
             report.carved += carve_by_sharp(views, volume);
             drop_empty_bricks(volume);
-            for (int pass = 0; pass < kFillPassesOfColouring; ++pass) {
-                report.carved -= filler_.fill(volume, options_.fill_radius_m, kFillLinesOfColouring);
-            }
+            report.carved -=
+                filler_.fill(volume, options_.fill_radius_m, kFillLinesOfColouring, kFillPassesOfColouring);
         }
         const int view_count = static_cast<int>(views.size());
         parallel_for(0, view_count, 1, [&](int first, int last) {
