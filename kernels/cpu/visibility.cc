@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "kernels/cpu/project_lanes.h"
+#include "kernels/cpu/sixteen_lanes.h"
 
 namespace kinevox::kernels {
 namespace {
@@ -35,6 +36,38 @@ void project_plain(const Surface& surface, int first, int last, ViewOfVolume& vi
 #ifdef KINEVOX_HAVE_AVX2_FORM
 KINEVOX_AVX2 void project_avx2(const Surface& surface, int first, int last, ViewOfVolume& view) {
     project_body(surface, first, last, view);
+}
+
+// The products are fused as the compiler fuses those of project_body(): the same bits.
+KINEVOX_AVX512 void project_avx512(const Surface& surface, int first, int last, ViewOfVolume& view) {
+    const Projector c = view.camera;
+    for (int n = first; n < last; n += 16) {
+        const auto here = static_cast<__mmask16>(last - n < 16 ? (1u << (last - n)) - 1 : 0xffff);
+        const __m512 x = _mm512_maskz_loadu_ps(here, &surface.x_m[n]);
+        const __m512 y = _mm512_maskz_loadu_ps(here, &surface.y_m[n]);
+        const __m512 z = _mm512_maskz_loadu_ps(here, &surface.z_m[n]);
+        __m512 at[3];
+        for (int axis = 0; axis < 3; ++axis) {
+            const float* r = c.r + static_cast<std::ptrdiff_t>(3) * axis;
+            const __m512 across =
+                _mm512_fmadd_ps(sixteen::all(r[0]), x, _mm512_mul_ps(sixteen::all(r[1]), y));
+            at[axis] = _mm512_add_ps(_mm512_fmadd_ps(sixteen::all(r[2]), z, across), sixteen::all(c.t[axis]));
+        }
+        const sixteen::Pixels pixels = sixteen::project(c, at[0], at[1], at[2]);
+        const auto cell_of = [&](__m512 u, int first_cell) KINEVOX_AVX512 {
+            return _mm512_sub_epi32(_mm512_srav_epi32(sixteen::index(u), sixteen::all(view.shift)),
+                                    sixteen::all(first_cell));
+        };
+        const __m512i column = cell_of(pixels.u, view.cells.x0), row = cell_of(pixels.v, view.cells.y0);
+        // Negative ones are larger than any as numbers without a sign.
+        const __m512i width = sixteen::all(view.cells.width()), height = sixteen::all(view.cells.height());
+        const __mmask16 inside = _mm512_mask_cmplt_epu32_mask(
+            _mm512_mask_cmplt_epu32_mask(pixels.seen, column, width), row, height);
+        const __m512i cell =
+            _mm512_mask_add_epi32(sixteen::all(-1), inside, _mm512_mullo_epi32(row, width), column);
+        _mm512_mask_storeu_epi32(&view.cell[n], here, cell);
+        _mm512_mask_storeu_ps(&view.depth_m[n], here, at[2]);
+    }
 }
 #endif
 
@@ -163,6 +196,7 @@ void make_room(const Surface& surface, ViewOfVolume& view) {
 
 void project_surface(const Surface& surface, int first, int last, ViewOfVolume& view) {
 #ifdef KINEVOX_HAVE_AVX2_FORM
+    if (have_avx512()) return project_avx512(surface, first, last, view);
     if (have_avx2()) return project_avx2(surface, first, last, view);
 #endif
     project_plain(surface, first, last, view);
