@@ -171,6 +171,7 @@ class CpuVoxelColourer final : public VoxelColourer {
             for (int n = first; n < last; ++n) {
                 for (int k = 0; k < kBrickEdge; ++k) {
                     const std::uint64_t mark = marks_[static_cast<std::size_t>(n) * kBrickEdge + k];
+                    if (mark == 0) continue;
                     carved_[n] += std::popcount(mark);
                     volume.bricks[n].occupancy[k] &= ~mark;
                 }
