@@ -10,6 +10,8 @@
 namespace kinevox::kernels {
 namespace {
 
+constexpr float kHalf = 0.5f;  // of a grey level, before it is cut off
+
 void paint_plain(std::span<const CellColours> colours, std::span<const ViewOfVolume> of_volume,
                  const Surface& surface, int first, int last, Colour* out) {
     for (int n = first; n < last; ++n) {
@@ -27,7 +29,7 @@ void paint_plain(std::span<const CellColours> colours, std::span<const ViewOfVol
         }
         Colour colour;
         if (weights > 0) {
-            const auto value = [&](int c) { return static_cast<std::uint8_t>(sum[c] / weights + 0.5f); };
+            const auto value = [&](int c) { return static_cast<std::uint8_t>(sum[c] / weights + kHalf); };
             colour = {value(2), value(1), value(0)};
         }
         out[n] = colour;
@@ -92,7 +94,7 @@ KINEVOX_AVX512 void paint_avx512(std::span<const CellColours> colours,
         alignas(64) std::int32_t values[3][16];
         for (int c = 0; c < 3; ++c) {
             const __m512 value =
-                _mm512_add_ps(_mm512_maskz_div_ps(seen, paint.sum[c], paint.weights), sixteen::all(0.5f));
+                _mm512_add_ps(_mm512_maskz_div_ps(seen, paint.sum[c], paint.weights), sixteen::all(kHalf));
             _mm512_store_si512(values[c], _mm512_maskz_cvttps_epi32(seen, value));
         }
         for (int i = 0; i < count; ++i)
