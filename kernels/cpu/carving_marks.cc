@@ -3,12 +3,8 @@
 #include <bit>
 #include <cstddef>
 
-#include "kernels/cpu/simd.h"
+#include "kernels/cpu/sixteen_lanes.h"
 #include "kernels/shared/hull.h"
-
-#ifdef KINEVOX_HAVE_AVX2_FORM
-#include <immintrin.h>
-#endif
 
 namespace kinevox::kernels {
 namespace {
@@ -147,6 +143,95 @@ KINEVOX_AVX2 void mark_avx2(const CarvingEvidence& evidence, const Surface& surf
         }
     }
 }
+
+// As EightVoxels.
+class SixteenVoxels {
+  public:
+    KINEVOX_AVX512 SixteenVoxels(const CarvingEvidence& evidence, const Surface& surface, int n, int last)
+        : evidence_(evidence),
+          n_(n),
+          here_(static_cast<__mmask16>(last - n < 16 ? (1u << (last - n)) - 1 : 0xffff)),
+          open_(_mm512_maskz_cvtepu8_epi32(here_, _mm_maskz_loadu_epi8(here_, &surface.open[n]))) {}
+
+    KINEVOX_AVX512 __mmask16 spare() {
+        const __m512 keep = _mm512_set1_ps(evidence_.min_ray_length_m), sign = _mm512_set1_ps(-0.f);
+        unsigned spare = here_;
+        views_ = 0;
+        for (std::size_t v = 0; v < evidence_.views.size(); ++v) {
+            const ViewOfVolume& view = evidence_.views[v];
+            if (view.depths.empty()) continue;  // sees nothing
+            const __m512i cell = _mm512_maskz_loadu_epi32(here_, &view.cell[n_]);
+            const __mmask16 in_image = _mm512_mask_cmpge_epi32_mask(here_, cell, _mm512_setzero_si512());
+            const sixteen::Pairs depths = sixteen::gather_pairs(view.depths.data(), cell, in_image);
+            const __m512 front = _mm512_castsi512_ps(depths.first);
+            const __m512 back = _mm512_xor_ps(_mm512_castsi512_ps(depths.second), sign);
+            spare &= ~_mm512_mask_cmp_ps_mask(in_image, _mm512_sub_ps(back, front), keep, _CMP_LT_OQ);
+            if (evidence_.colours[v].cells.empty()) continue;
+            const __m512 depth = _mm512_maskz_loadu_ps(here_, &view.depth_m[n_]);
+            at_[views_] = cell;
+            sees_[views_] = _mm512_mask_cmp_ps_mask(
+                in_image, depth, _mm512_add_ps(front, sixteen::look_up(view.behind_m.data(), open_)),
+                _CMP_LE_OQ);
+            cells_[views_++] = evidence_.colours[v].cells.data();
+        }
+        return static_cast<__mmask16>(spare);
+    }
+
+    // After spare(), for the voxels in `asked`.
+    KINEVOX_AVX512 __mmask16 colours_differ(unsigned asked) const {
+        const __m512i bgr = _mm512_set1_epi32(0x00ffffff);
+        __m512i mean[kMaxViews], limit[kMaxViews];
+        __mmask16 sees[kMaxViews];
+        unsigned any = 0;
+        int count = 0;
+        for (int v = 0; v < views_; ++v) {
+            sees[count] = static_cast<__mmask16>(sees_[v] & asked);
+            if (sees[count] == 0) continue;
+            const sixteen::Pairs colour = sixteen::gather_pairs(cells_[v], at_[v], sees[count]);
+            mean[count] = _mm512_and_si512(colour.first, bgr);
+            limit[count] = _mm512_and_si512(colour.second, bgr);
+            for (int other = 0; other < count; ++other) {
+                const __m512i gap = _mm512_sub_epi8(_mm512_max_epu8(mean[count], mean[other]),
+                                                    _mm512_min_epu8(mean[count], mean[other]));
+                const __m512i beyond = _mm512_subs_epu8(gap, _mm512_max_epu8(limit[count], limit[other]));
+                any |= _mm512_mask_test_epi32_mask(static_cast<__mmask16>(sees[count] & sees[other]), beyond,
+                                                   beyond);
+            }
+            ++count;
+        }
+        return static_cast<__mmask16>(any);
+    }
+
+  private:
+    const CarvingEvidence& evidence_;
+    const int n_;
+    const __mmask16 here_;
+    const __m512i open_;
+    int views_ = 0;  // that have colours
+    __m512i at_[kMaxViews];
+    __mmask16 sees_[kMaxViews];
+    const CellColour* cells_[kMaxViews];
+};
+
+KINEVOX_AVX512 void mark_avx512(const CarvingEvidence& evidence, const Surface& surface, int first, int last,
+                                const std::uint64_t* unsupported, std::uint64_t* marks) {
+    const __m512i words = _mm512_loadu_si512(unsupported);
+    for (int n = first; n < last; n += 16) {
+        SixteenVoxels voxels(evidence, surface, n, last);
+        const unsigned spare = voxels.spare();
+        if (spare == 0) continue;
+        const __m512i bit = _mm512_cvtepu16_epi32(_mm256_maskz_loadu_epi16(spare, &surface.bit[n]));
+        const __m512i word = _mm512_permutexvar_epi32(_mm512_srli_epi32(bit, 5), words);
+        const __m512i own =
+            _mm512_sllv_epi32(_mm512_set1_epi32(1), _mm512_and_si512(bit, _mm512_set1_epi32(31)));
+        unsigned goes = _mm512_mask_test_epi32_mask(spare, word, own);
+        if (spare != goes) goes |= voxels.colours_differ(spare & ~goes);
+        for (; goes; goes &= goes - 1) {
+            const int at = surface.bit[n + std::countr_zero(goes)];
+            marks[at >> 6] |= std::uint64_t{1} << (at & 63);
+        }
+    }
+}
 #endif
 
 }  // namespace
@@ -154,6 +239,7 @@ KINEVOX_AVX2 void mark_avx2(const CarvingEvidence& evidence, const Surface& surf
 void mark_voxels(const CarvingEvidence& evidence, const Surface& surface, int first, int last,
                  const std::uint64_t* unsupported, std::uint64_t* marks) {
 #ifdef KINEVOX_HAVE_AVX2_FORM
+    if (have_avx512()) return mark_avx512(evidence, surface, first, last, unsupported, marks);
     if (have_avx2()) return mark_avx2(evidence, surface, first, last, unsupported, marks);
 #endif
     mark_plain(evidence, surface, first, last, unsupported, marks);

@@ -24,7 +24,6 @@
 namespace kinevox::kernels {
 namespace {
 
-constexpr int kVoxelsPerTask = 1024;
 constexpr int kBricksPerTask = 8;
 
 class CpuVoxelColourer final : public VoxelColourer {
@@ -42,9 +41,8 @@ class CpuVoxelColourer final : public VoxelColourer {
         if (options_.max_rounds > 0) {
             report.carved += carve_by_sharp(views, volume);
             drop_empty_bricks(volume);
-            for (int pass = 0; pass < kFillPassesOfColouring; ++pass) {
-                report.carved -= filler_.fill(volume, options_.fill_radius_m, kFillLinesOfColouring);
-            }
+            report.carved -=
+                filler_.fill(volume, options_.fill_radius_m, kFillLinesOfColouring, kFillPassesOfColouring);
         }
         const int view_count = static_cast<int>(views.size());
         parallel_for(0, view_count, 1, [&](int first, int last) {
@@ -143,18 +141,10 @@ class CpuVoxelColourer final : public VoxelColourer {
     // The surface and its depth in every view, as they are now.
     void look(const VoxelVolume& volume, bool first_look) {
         surface_.build(volume, grid_);
-        const int count = surface_.size(), views = static_cast<int>(views_.size());
-        const int pieces = (count + kVoxelsPerTask - 1) / kVoxelsPerTask;
-        for (ViewOfVolume& view : views_) make_room(surface_, view);
-        parallel_for(0, pieces * views, 1, [&](int first, int last) {
-            for (int n = first; n < last; ++n) {
-                const int begin = n % pieces * kVoxelsPerTask;
-                project_surface(surface_, begin, std::min(begin + kVoxelsPerTask, count), views_[n / pieces]);
-            }
-        });
-        parallel_for(0, views, 1, [&](int first, int last) {
+        // One task a view, so that its images stay in one core's cache.
+        parallel_for(0, static_cast<int>(views_.size()), 1, [&](int first, int last) {
             for (int n = first; n < last; ++n)
-                splat_depth(surface_, volume.lattice.voxel_m, first_look, views_[n]);
+                look_at_surface(surface_, volume.lattice.voxel_m, first_look, views_[n]);
         });
     }
 
@@ -172,6 +162,7 @@ class CpuVoxelColourer final : public VoxelColourer {
             for (int n = first; n < last; ++n) {
                 for (int k = 0; k < kBrickEdge; ++k) {
                     const std::uint64_t mark = marks_[static_cast<std::size_t>(n) * kBrickEdge + k];
+                    if (mark == 0) continue;
                     carved_[n] += std::popcount(mark);
                     volume.bricks[n].occupancy[k] &= ~mark;
                 }

@@ -14,9 +14,9 @@ namespace kinevox::kernels {
 // Bounding box of the non-zero pixels.
 Rect bounds_of(const std::uint8_t* mask, int width, int height);
 
-// Intersection over union of the volume's projection (of_volume.depths, as written by splat_depth()) and the
-// view's sharp silhouette, or its loose one if there is no sharp one; NaN if there is neither or both masks
-// are empty.
+// Intersection over union of the volume's projection (of_volume.depths, as written by look_at_surface()) and
+// the view's sharp silhouette, or its loose one if there is no sharp one; NaN if there is neither or both
+// masks are empty.
 float silhouette_iou(const ColouringView& view, const ViewOfVolume& of_volume);
 
 // Colours the surface voxels of one brick: the weighted mean over the cameras that see a voxel, with most

@@ -33,9 +33,6 @@ struct Surface {
 
     int size() const { return first.empty() ? 0 : first.back(); }
     void build(const VoxelVolume& volume, const BrickGrid& grid);
-
-  private:
-    std::vector<std::uint64_t> slices_;
 };
 
 }  // namespace kinevox::kernels

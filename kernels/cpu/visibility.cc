@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "kernels/cpu/project_lanes.h"
+#include "kernels/cpu/sixteen_lanes.h"
 
 namespace kinevox::kernels {
 namespace {
@@ -36,7 +37,47 @@ void project_plain(const Surface& surface, int first, int last, ViewOfVolume& vi
 KINEVOX_AVX2 void project_avx2(const Surface& surface, int first, int last, ViewOfVolume& view) {
     project_body(surface, first, last, view);
 }
+
+// The products are fused as the compiler fuses those of project_body(): the same bits.
+KINEVOX_AVX512 void project_avx512(const Surface& surface, int first, int last, ViewOfVolume& view) {
+    const Projector c = view.camera;
+    for (int n = first; n < last; n += 16) {
+        const auto here = static_cast<__mmask16>(last - n < 16 ? (1u << (last - n)) - 1 : 0xffff);
+        const __m512 x = _mm512_maskz_loadu_ps(here, &surface.x_m[n]);
+        const __m512 y = _mm512_maskz_loadu_ps(here, &surface.y_m[n]);
+        const __m512 z = _mm512_maskz_loadu_ps(here, &surface.z_m[n]);
+        __m512 at[3];
+        for (int axis = 0; axis < 3; ++axis) {
+            const float* r = c.r + static_cast<std::ptrdiff_t>(3) * axis;
+            const __m512 across =
+                _mm512_fmadd_ps(sixteen::all(r[0]), x, _mm512_mul_ps(sixteen::all(r[1]), y));
+            at[axis] = _mm512_add_ps(_mm512_fmadd_ps(sixteen::all(r[2]), z, across), sixteen::all(c.t[axis]));
+        }
+        const sixteen::Pixels pixels = sixteen::project(c, at[0], at[1], at[2]);
+        const auto cell_of = [&](__m512 u, int first_cell) KINEVOX_AVX512 {
+            return _mm512_sub_epi32(_mm512_srav_epi32(sixteen::index(u), sixteen::all(view.shift)),
+                                    sixteen::all(first_cell));
+        };
+        const __m512i column = cell_of(pixels.u, view.cells.x0), row = cell_of(pixels.v, view.cells.y0);
+        // Negative ones are larger than any as numbers without a sign.
+        const __m512i width = sixteen::all(view.cells.width()), height = sixteen::all(view.cells.height());
+        const __mmask16 inside = _mm512_mask_cmplt_epu32_mask(
+            _mm512_mask_cmplt_epu32_mask(pixels.seen, column, width), row, height);
+        const __m512i cell =
+            _mm512_mask_add_epi32(sixteen::all(-1), inside, _mm512_mullo_epi32(row, width), column);
+        _mm512_mask_storeu_epi32(&view.cell[n], here, cell);
+        _mm512_mask_storeu_ps(&view.depth_m[n], here, at[2]);
+    }
+}
 #endif
+
+void project_surface(const Surface& surface, int first, int last, ViewOfVolume& view) {
+#ifdef KINEVOX_HAVE_AVX2_FORM
+    if (have_avx512()) return project_avx512(surface, first, last, view);
+    if (have_avx2()) return project_avx2(surface, first, last, view);
+#endif
+    project_plain(surface, first, last, view);
+}
 
 // out[x] = minimum of in[x - radius .. x + radius] for cells x in [first, last) of a row of `width` cells.
 KINEVOX_INLINE void widen_row(const DepthCell* in, int width, int first, int last, int radius,
@@ -54,22 +95,26 @@ KINEVOX_INLINE void widen_row(const DepthCell* in, int width, int first, int las
 // Each cell takes the minimum of the (2 * radius + 1)^2 around it.
 KINEVOX_INLINE void widen_body(ViewOfVolume& view) {
     const int width = view.cells.width(), height = view.cells.height(), radius = view.radius;
-    view.scratch.resize(view.cell_count());
-    const auto row_of = [width](std::vector<DepthCell> & image, int y) __attribute__((always_inline)) {
-        return image.data() + static_cast<std::size_t>(y) * width;
+    const int kept = 2 * radius + 1;  // rows that were widened along themselves
+    view.scratch.resize(static_cast<std::size_t>(kept) * width);
+    const auto row_of = [&](int y) __attribute__((always_inline)) {
+        return view.depths.data() + static_cast<std::size_t>(y) * width;
     };
-    for (int y = 0; y < height; ++y) {
+    const auto widened = [&](int y) __attribute__((always_inline)) {
+        return view.scratch.data() + static_cast<std::size_t>(y % kept) * width;
+    };
+    for (int coming = 0; coming < height + radius; ++coming) {
+        if (coming < height && view.spans[coming].first < view.spans[coming].last) {
+            const RowSpan span = view.spans[coming];
+            widen_row(row_of(coming), width, span.first, span.last, radius, widened(coming));
+        }
+        const int y = coming - radius;
+        if (y < 0 || view.spans[y].first >= view.spans[y].last) continue;
         const RowSpan span = view.spans[y];
-        if (span.first >= span.last) continue;
-        widen_row(row_of(view.depths, y), width, span.first, span.last, radius, row_of(view.scratch, y));
-    }
-    for (int y = 0; y < height; ++y) {
-        const RowSpan span = view.spans[y];
-        if (span.first >= span.last) continue;
-        DepthCell* const out = row_of(view.depths, y);
-        std::copy_n(row_of(view.scratch, y) + span.first, span.last - span.first, out + span.first);
+        DepthCell* const out = row_of(y);
+        std::copy(widened(y) + span.first, widened(y) + span.last, out + span.first);
         for (int from = std::max(0, y - radius); from <= std::min(height - 1, y + radius); ++from) {
-            const DepthCell* const in = row_of(view.scratch, from);
+            const DepthCell* const in = widened(from);
             const int first = std::max(span.first, view.spans[from].first);
             const int last = std::min(span.last, view.spans[from].last);
             for (int x = first; from != y && x < last; ++x) out[x] = nearer(out[x], in[x]);
@@ -156,19 +201,11 @@ void finish_frame(float voxel_m, Rect px, double depth_sum_m, int seen, ViewOfVo
                   ((px.y1 - 1) >> view.shift) + 1};
 }
 
-void make_room(const Surface& surface, ViewOfVolume& view) {
+void look_at_surface(const Surface& surface, float voxel_m, bool first_look, ViewOfVolume& view) {
+    constexpr int kTogether = 1024;  // voxels that are still in the cache when they are splatted
+    static_assert(kTogether % kLanes == 0);
     view.cell.resize(surface.x_m.size());
     view.depth_m.resize(surface.x_m.size());
-}
-
-void project_surface(const Surface& surface, int first, int last, ViewOfVolume& view) {
-#ifdef KINEVOX_HAVE_AVX2_FORM
-    if (have_avx2()) return project_avx2(surface, first, last, view);
-#endif
-    project_plain(surface, first, last, view);
-}
-
-void splat_depth(const Surface& surface, float voxel_m, bool first_look, ViewOfVolume& view) {
     if (first_look) {
         view.depths.assign(view.cell_count(), DepthCell{});
     } else {
@@ -178,16 +215,19 @@ void splat_depth(const Surface& surface, float voxel_m, bool first_look, ViewOfV
             if (span.first < span.last) std::fill(row + span.first, row + span.last, DepthCell{});
         }
     }
-    const int count = surface.size();
     float nearest = kFar_m;
     DepthCell* const depths = view.depths.data();
-    for (int n = 0; n < count; ++n) {
-        const int cell = view.cell[n];
-        if (cell < 0) continue;
-        const float depth = view.depth_m[n];
-        nearest = nearest < depth ? nearest : depth;
-        // Written whether it changes or not: a branch here is mispredicted every third time.
-        depths[cell] = nearer(depths[cell], {depth, -depth});
+    for (int first = 0; first < surface.size(); first += kTogether) {
+        const int last = std::min(first + kTogether, surface.size());
+        project_surface(surface, first, last, view);
+        for (int n = first; n < last; ++n) {
+            const int cell = view.cell[n];
+            if (cell < 0) continue;
+            const float depth = view.depth_m[n];
+            nearest = nearest < depth ? nearest : depth;
+            // Written whether it changes or not: a branch here is mispredicted every third time.
+            depths[cell] = nearer(depths[cell], {depth, -depth});
+        }
     }
     view.radius = splat_radius(view.camera, view.shift, nearest, voxel_m);
     if (first_look) find_spans(view);

@@ -40,7 +40,7 @@ struct ViewOfVolume {
     std::vector<float> depth_m;      // per surface voxel: along the camera's axis
     std::vector<DepthCell> depths;   // per cell
     std::vector<RowSpan> spans;      // per row of cells: outside of it nothing of the volume is ever seen
-    std::vector<DepthCell> scratch;
+    std::vector<DepthCell> scratch;  // rows of cells
     // For each of the 64 combinations of open sides (Surface::open): facing_of(), and how far behind the
     // front a voxel still counts as seen, m.
     std::array<float, 64> facing, behind_m;
@@ -61,13 +61,9 @@ void frame_view(const VoxelVolume& volume, ViewOfVolume& view);
 // From what the bricks gave (frame_brick(): the box in px, the sum of the depths and their number).
 void finish_frame(float voxel_m, Rect px, double depth_sum_m, int seen, ViewOfVolume& view);
 
-// Makes room in view.cell and view.depth_m; then fills them for the surface's voxels [first, last), `first` a
-// multiple of 8.
-void make_room(const Surface& surface, ViewOfVolume& view);
-void project_surface(const Surface& surface, int first, int last, ViewOfVolume& view);
-
-// Fills `depths`, without holes where the surface has none, and sets `radius`. With `first_look` also finds
-// `spans`, which remain valid while the volume is carved.
-void splat_depth(const Surface& surface, float voxel_m, bool first_look, ViewOfVolume& view);
+// Projects the surface: fills `cell`, `depth_m` and `depths`, the latter without holes where the surface has
+// none, and sets `radius`. With `first_look` also finds `spans`, which remain valid while the volume is
+// carved.
+void look_at_surface(const Surface& surface, float voxel_m, bool first_look, ViewOfVolume& view);
 
 }  // namespace kinevox::kernels

@@ -29,7 +29,8 @@ inline constexpr float kBrightestShadow = 1.1f;
 inline constexpr float kLighterSupport = 0.6f;  // above it the votes may decide them, too
 
 // The functions below are templates over F, float or a vector of floats with the operators of float, so that
-// the CPU form decides 16 pixels at once.
+// the CPU form decides 16 pixels at once. A condition serves one choice and is joined with no other: GCC 12
+// decides lane by lane where it is not.
 template <class F>
 KINEVOX_HD KINEVOX_INLINE F smaller(F a, F b) {
     return a < b ? a : b;
@@ -118,6 +119,8 @@ KINEVOX_HD inline float light_of_floor(const SceneView& view, float x, float y, 
     return residual * scales > 5 * kMaxResidual * variances || light > kMaxLight ? -1.0f : light;
 }
 
+inline constexpr float kUnknownOver = -1000;  // below every other
+
 // What is known of doubtful pixels.
 template <class F>
 struct ShadowEvidence {
@@ -129,7 +132,7 @@ struct ShadowEvidence {
     F step;        // smallest difference between its light and that of a neighbourhood
     F misfit;      // mean squared misfit of one light to the patch around it, variances
     F min_misfit;  // the same, smallest of nine patches that contain it
-    F over;        // brightest light of its floor point in another camera less its own
+    F over;        // brightest light of its floor point in another camera less its own, or kUnknownOver
     F spread;      // smallest difference between the lights of its floor point
     F floor;       // 1 if another camera sees its floor point, else 0
     F support;     // see support_of()
@@ -187,7 +190,8 @@ KINEVOX_HD KINEVOX_INLINE ShadowEvidence<F> own_evidence(F distance, F log_foreg
             e.min_misfit = smaller(e.min_misfit, load<F>(pixels.misfit + row * pixels.stride + column));
     e.misfit *= noise_factor;
     e.min_misfit *= noise_factor;
-    e.over = e.floor = F{};
+    e.over = all_of<F>(kUnknownOver);
+    e.floor = F{};
     e.spread = all_of<F>(1);
     e.support = all_of<F>(kUnknownSupport);
     return e;
@@ -196,11 +200,10 @@ KINEVOX_HD KINEVOX_INLINE ShadowEvidence<F> own_evidence(F distance, F log_foreg
 // Adds the light of the pixels' floor points in another camera; negative: not known there.
 template <class F>
 KINEVOX_HD KINEVOX_INLINE void add_floor_light(ShadowEvidence<F>& e, F light) {
-    const F over = light - e.light, difference = over < 0 ? -over : over;
-    const F larger = e.floor > 0 ? (e.over > over ? e.over : over) : over;
-    e.over = light < 0 ? e.over : larger;
-    e.spread = light < 0 ? e.spread : smaller(e.spread, difference);
-    e.floor = light < 0 ? e.floor : all_of<F>(1);
+    const F over = light < 0 ? all_of<F>(kUnknownOver) : light - e.light;
+    e.over = e.over > over ? e.over : over;
+    e.spread = smaller(e.spread, over < 0 ? -over : over);
+    e.floor = over > kUnknownOver ? all_of<F>(1) : e.floor;
 }
 
 // Pixels that share the lights of their floor point, in rows and columns.
@@ -317,10 +320,13 @@ KINEVOX_HD KINEVOX_INLINE ShadowLogOdds<F> shadow_log_odds(const ShadowEvidence<
     constexpr int kLighter[kLighterFeatures] = {0, 1, 2, 4, 9, 10, 12, 13, 15, 19};
     F lighter = F{};
     for (int i = 0; i < kLighterFeatures; ++i) lighter += rule.lighter[i] * features[kLighter[i]];
-    const auto is_lighter = evidence.light > kBrightestShadow;
-    const auto supported = (evidence.support > kLighterSupport) & (evidence.support < kMaxKnownSupport);
-    const F own = limited(is_lighter ? lighter : sum), voted = limited(limited(sum) + votes);
-    return {own, is_lighter ? (supported ? voted : own) : voted};
+    const F own = limited(evidence.light > kBrightestShadow ? lighter : sum);
+    const F voted = limited(limited(sum) + votes);
+    // The votes decide lighter pixels only where they are known and clear, the others always.
+    constexpr float kClear = 0.5f * (kLighterSupport + kMaxKnownSupport);
+    const F support = evidence.light - kBrightestShadow > 0 ? evidence.support : all_of<F>(kClear);
+    const F known = support < kMaxKnownSupport ? support : all_of<F>(kNoSupport);
+    return {own, known > kLighterSupport ? voted : own};
 }
 
 }  // namespace kinevox::kernels::kde

@@ -66,7 +66,8 @@ KINEVOX_HD inline int splat_radius(const Projector& camera, int shift, float nea
     if (nearest_m == kFar_m) return 0;
     const float cell_px = static_cast<float>(1 << shift);
     const float focal = camera.fx > camera.fy ? camera.fx : camera.fy;
-    const int radius = static_cast<int>(focal * 0.71f * voxel_m / nearest_m / cell_px + 0.5f);
+    constexpr float kHalf = 0.5f;  // nothing is negative here
+    const int radius = static_cast<int>(focal * 0.71f * voxel_m / nearest_m / cell_px + kHalf);
     return radius < 64 ? radius : 64;
 }
 
