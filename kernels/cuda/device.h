@@ -5,6 +5,7 @@
 #include <cuda_runtime.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <utility>
 
 namespace kinevox::kernels::cuda {
@@ -117,6 +118,41 @@ void fill_bytes(const Stream& stream, T* device, int value, std::size_t count) {
     KINEVOX_CUDA_CHECK(cudaMemsetAsync(device, value, count * sizeof(T), stream.get()));
 }
 
+// Pieces of different types that one copy brings to the device: clear(), reserve() each, place(), fill what
+// host() returns, upload(). Where they lie on the device is stated by device().
+class PackedUpload {
+  public:
+    void clear() { bytes_ = 0; }
+    // Returns where the piece begins.
+    template <class T>
+    std::size_t reserve(std::size_t count) {
+        constexpr std::size_t kAligned = 16;
+        const std::size_t begin = bytes_;
+        bytes_ += (count * sizeof(T) + kAligned - 1) / kAligned * kAligned;
+        return begin;
+    }
+    // `more`: bytes behind the pieces, on the device alone.
+    void place(std::size_t more = 0) {
+        host_.resize(bytes_);
+        device_.resize(bytes_ + more);
+    }
+    template <class T>
+    T* host(std::size_t begin) const {
+        return reinterpret_cast<T*>(host_.data() + begin);
+    }
+    template <class T>
+    T* device(std::size_t begin) const {
+        return reinterpret_cast<T*>(device_.data() + begin);
+    }
+    std::size_t size() const { return bytes_; }
+    void upload(const Stream& stream) const { cuda::upload(stream, device_.data(), host_.data(), bytes_); }
+
+  private:
+    std::size_t bytes_ = 0;
+    PinnedBuffer<std::uint8_t> host_;
+    DeviceBuffer<std::uint8_t> device_;
+};
+
 inline constexpr int kThreads = 256;  // per block, where nothing asks for another number
 
 // Enough blocks of `threads` for `count` threads along x; `rows` along y (a view each, for instance).
@@ -124,14 +160,13 @@ inline dim3 blocks(std::size_t count, int rows = 1, int threads = kThreads) {
     return dim3(static_cast<unsigned>((count + threads - 1) / threads), static_cast<unsigned>(rows));
 }
 
-// out[n] = in[0] + .. + in[n - 1] for n in 0 .. count; `out` has one entry more than `in`; they may be the
-// same.
-void exclusive_scan(const Stream& stream, const int* in, int* out, int count);
-
 #ifdef __CUDACC__
-// This thread's place along x.
+// This thread's place along x, and the number of threads there.
 __device__ inline int thread_index() {
     return static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+}
+__device__ inline int thread_count() {
+    return static_cast<int>(gridDim.x * blockDim.x);
 }
 
 // The sum of the values of this lane and of those before it in the warp.

@@ -70,6 +70,15 @@ KINEVOX_HD inline int splat_radius(const Projector& camera, int shift, float nea
     return radius < 64 ? radius : 64;
 }
 
+// Cells of 2^shift px are about as large as a voxel that is projected to `voxel_px`: the shift is the whole
+// part of the binary logarithm, found by comparisons, which round alike on every device.
+KINEVOX_HD inline int cell_shift(float voxel_px) {
+    const float cell_px = (voxel_px > 1 ? voxel_px : 1.f) / 0.9f;
+    int shift = 0;
+    while (shift < 6 && cell_px >= static_cast<float>(2 << shift)) ++shift;
+    return shift;
+}
+
 // Extends the image box covered by the volume by one brick (centre, edge in m). True: its depth counts for
 // the mean, too.
 KINEVOX_HD inline bool frame_brick(const Projector& c, float x, float y, float z, float edge, Rect& px,
