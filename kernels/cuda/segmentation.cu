@@ -6,9 +6,9 @@
 #include <cstring>
 #include <functional>
 #include <memory>
-#include <mutex>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "kernels/cpu/foreground_colours.h"
@@ -34,20 +34,16 @@ constexpr float kSmoothing_px = 1.0f;
 constexpr float kColourMemory = 0.9f;
 constexpr float kSureEvidence = 3.0f;
 
-// All segmenters queue their work on one stream: what the cameras of a frame set look up of each other is
-// then there without an event or a wait.
-std::shared_ptr<Stream> shared_stream() {
-    static std::mutex mutex;
-    static std::weak_ptr<Stream> kept;
-    const std::lock_guard lock(mutex);
-    std::shared_ptr<Stream> stream = kept.lock();
-    if (!stream) kept = stream = std::make_shared<Stream>();
-    return stream;
-}
+// What the cameras of a frame set look up of each other is there without an event or a wait, since all of
+// them queue their work on one stream.
+struct CudaContext final : DeviceContext {
+    Stream stream;
+};
 
 class CudaSegmenter final : public RewindableSegmenter {
   public:
-    CudaSegmenter(int width, int height, int channels, const SegmentationOptions& options);
+    CudaSegmenter(int width, int height, int channels, const SegmentationOptions& options,
+                  std::shared_ptr<CudaContext> context);
     ~CudaSegmenter() override;
     void learn(std::span<const ImageView> empty_scene) override;
     bool learned() const override { return learned_; }
@@ -79,8 +75,8 @@ class CudaSegmenter final : public RewindableSegmenter {
         PinnedBuffer<typename From::value_type> pinned;
         pinned.resize(from.size());
         std::copy(from.begin(), from.end(), pinned.data());
-        upload(*stream_, buffer, pinned);
-        stream_->wait();
+        upload(stream_, buffer, pinned);
+        stream_.wait();
         return buffer.data();
     }
     bool has_camera() const { return data_.has_camera; }
@@ -99,7 +95,8 @@ class CudaSegmenter final : public RewindableSegmenter {
     void prepare(const Member& member, std::span<CudaSegmenter* const> cameras);
 
     SegmentationOptions options_;
-    const std::shared_ptr<Stream> stream_;
+    const std::shared_ptr<CudaContext> context_;
+    const Stream& stream_;
     SegmentData data_{};
     kde::SceneView scene_;  // with what does not change; the device has the whole one
     bool learned_ = false, keep_learned_ = false;
@@ -134,8 +131,9 @@ class CudaSegmenter final : public RewindableSegmenter {
     ResultMemory result_memory_;
 };
 
-CudaSegmenter::CudaSegmenter(int width, int height, int channels, const SegmentationOptions& options)
-    : options_(options), stream_(shared_stream()), colours_(channels) {
+CudaSegmenter::CudaSegmenter(int width, int height, int channels, const SegmentationOptions& options,
+                             std::shared_ptr<CudaContext> context)
+    : options_(options), context_(std::move(context)), stream_(context_->stream), colours_(channels) {
     data_.width = width, data_.height = height, data_.channels = channels;
     data_.cells_per_row = (width + kCellPixels - 1) / kCellPixels;
     set_options();
@@ -153,7 +151,7 @@ CudaSegmenter::CudaSegmenter(int width, int height, int channels, const Segmenta
 
 // Others may have queued work that reads this segmenter's memory.
 CudaSegmenter::~CudaSegmenter() {
-    cudaStreamSynchronize(stream_->get());
+    cudaStreamSynchronize(stream_.get());
 }
 
 void CudaSegmenter::set_options() {
@@ -190,7 +188,7 @@ void CudaSegmenter::learn(std::span<const ImageView> empty_scene) {
         throw std::invalid_argument("segmentation: the background needs at least one image");
     for (const ImageView& image : empty_scene)
         cpu::check_image(image, data_.width, data_.height, data_.channels);
-    stream_->wait();
+    stream_.wait();
     cpu::BackgroundModel model =
         cpu::learn_background(empty_scene, data_.width, data_.height, data_.channels, options_);
     begin(model);
@@ -201,7 +199,7 @@ void CudaSegmenter::forget_frames() {
     if (!learned_ || !keep_learned_)
         throw std::logic_error(
             "segmentation: no learned background was kept; call keep_learned() before learn()");
-    stream_->wait();
+    stream_.wait();
     begin(learned_model_);
 }
 
@@ -226,8 +224,8 @@ void CudaSegmenter::place_planes() {
     constexpr int kZero = 9, kLimit = 3;
     const std::size_t plane = data_.plane_size();
     float* next = place(planes_, (kZero + kLimit) * plane);
-    fill_bytes(*stream_, next, 0, kZero * plane);
-    queue_fill(*stream_, next + kZero * plane, -data_.parameters.limit, kLimit * plane);
+    fill_bytes(stream_, next, 0, kZero * plane);
+    queue_fill(stream_, next + kZero * plane, -data_.parameters.limit, kLimit * plane);
     for (float** of : {&data_.weighted_value, &data_.weighted_energy, &data_.product, &data_.energy,
                        &data_.square, &data_.factor, &data_.residual, &data_.neighbourhood, &data_.misfit,
                        &data_.evidence, &data_.voted, &data_.smoothed}) {
@@ -235,7 +233,7 @@ void CudaSegmenter::place_planes() {
         next += plane;
     }
     data_.active = place(active_, cells());
-    fill_bytes(*stream_, data_.active, 0, cells());
+    fill_bytes(stream_, data_.active, 0, cells());
 }
 
 void CudaSegmenter::place_frame() {
@@ -245,7 +243,7 @@ void CudaSegmenter::place_frame() {
     data_.cells = place(cells_, cells());
     const auto tiles = static_cast<std::size_t>(data_.tiles());
     data_.near = place(near_, tiles);
-    fill_bytes(*stream_, data_.near, 0, tiles);
+    fill_bytes(stream_, data_.near, 0, tiles);
     int* lists_of_tiles = place(tiles_, 2 * tiles);
     data_.near_tiles = lists_of_tiles, data_.active_tiles = lists_of_tiles + tiles;
     Word* masks = place(masks_, 3 * cells());
@@ -286,7 +284,7 @@ void CudaSegmenter::place_scene() {
 }
 
 void CudaSegmenter::set_camera(const CameraModel& camera) {
-    stream_->wait();
+    stream_.wait();
     data_.camera = make_projector(camera, "segmentation");
     const FloorDirections directions = floor_directions(camera);
     data_.floor.directions = keep(floor_directions_, directions.xy);
@@ -306,7 +304,7 @@ void CudaSegmenter::upload_image(const ImageView& image) {
     for (int y = 0; y < data_.height; y += rows) {
         const int end = std::min(y + rows, data_.height);
         cpu::copy_rows(image, y, end, host_upload_.data());
-        upload(*stream_, upload_.data() + y * row_bytes, host_upload_.data() + y * row_bytes,
+        upload(stream_, upload_.data() + y * row_bytes, host_upload_.data() + y * row_bytes,
                (end - y) * row_bytes);
     }
 }
@@ -332,14 +330,14 @@ void CudaSegmenter::upload_frame(const ImageView& image, const SegmentationPrior
         });
     }
     cpu::run_all(tasks);
-    upload(*stream_, upload_.data() + colours_at_, host_upload_.data() + colours_at_, end - colours_at_);
+    upload(stream_, upload_.data() + colours_at_, host_upload_.data() + colours_at_, end - colours_at_);
 }
 
 // Uploads the image, and has no other part in the work on it, so that the cameras' threads do not meet.
 void CudaSegmenter::begin_frame(const ImageView& image, const SegmentationPrior& prior) {
     if (!learned_) throw std::logic_error("segmentation: learn() the background before segmenting");
     cpu::check_image(image, data_.width, data_.height, data_.channels);
-    if (upload_in_flight_) stream_->wait();
+    if (upload_in_flight_) stream_.wait();
     data_.tracked = !prior.region.empty();
     searched_ = {0, 0, data_.width, data_.height};
     if (!prior.full_pass && data_.tracked) {
@@ -362,6 +360,8 @@ CudaSegmenter* CudaSegmenter::usable(const Segmenter* other) const {
     auto* const segmenter = const_cast<CudaSegmenter*>(dynamic_cast<const CudaSegmenter*>(other));
     const bool is = segmenter && segmenter != this && has_camera() && segmenter->has_camera() &&
                     segmenter->data_.channels == data_.channels && segmenter->step_ != Step::kNone;
+    if (is && segmenter->context_ != context_)
+        throw std::logic_error("segmentation: the cameras of a frame set need one device context");
     return is ? segmenter : nullptr;
 }
 
@@ -378,14 +378,14 @@ void CudaSegmenter::prepare(const Member& member, std::span<CudaSegmenter* const
 }
 
 void CudaSegmenter::upload_cameras(std::span<CudaSegmenter* const> cameras) {
-    if (cameras_in_flight_) stream_->wait();  // end_frame() after decide() alone
+    if (cameras_in_flight_) stream_.wait();  // end_frame() after decide() alone
     host_cameras_.resize(cameras.size());
     for (std::size_t n = 0; n < cameras.size(); ++n) {
         host_cameras_[n] = cameras[n]->data_;
         host_cameras_[n].look = cameras[n]->step_ == Step::kBegun;
     }
     cameras_in_flight_ = true;
-    upload(*stream_, cameras_, host_cameras_);
+    upload(stream_, cameras_, host_cameras_);
 }
 
 // All steps of the members, which this segmenter is the first of. Waits once.
@@ -407,23 +407,23 @@ void CudaSegmenter::decide_all(const std::vector<Member>& members, bool update) 
     const FrameSet set{{host_cameras_.data(), host_cameras_.size()}, cameras_.data(), data_.channels};
     if (std::any_of(cameras.begin(), cameras.end(),
                     [](const CudaSegmenter* camera) { return camera->step_ == Step::kBegun; })) {
-        queue_density(*stream_, set);
-        queue_evidence(*stream_, set);
+        queue_density(stream_, set);
+        queue_evidence(stream_, set);
     }
-    result_memory_.queue_clear(*stream_);
-    queue_shadows(*stream_, set, count);
-    queue_decisions(*stream_, set, count);
-    queue_cleaning(*stream_, set, count);
-    queue_border(*stream_, set, count);
-    queue_results(*stream_, set, count);
-    result_memory_.queue_download(*stream_);
-    stream_->wait();
+    result_memory_.queue_clear(stream_);
+    queue_shadows(stream_, set, count);
+    queue_decisions(stream_, set, count);
+    queue_cleaning(stream_, set, count);
+    queue_border(stream_, set, count);
+    queue_results(stream_, set, count);
+    result_memory_.queue_download(stream_);
+    stream_.wait();
     cameras_in_flight_ = false;
     for (CudaSegmenter* camera : cameras) {
         camera->upload_in_flight_ = false;
         if (camera->step_ == Step::kBegun) camera->step_ = Step::kLooked;
     }
-    if (update) queue_update(*stream_, set, count);
+    if (update) queue_update(stream_, set, count);
     for (const Member& member : members) member.segmenter->step_ = update ? Step::kUpdated : Step::kDecided;
 }
 
@@ -431,7 +431,8 @@ void CudaSegmenter::decide_together(std::span<const FrameDecision> cameras) {
     std::vector<Member> members;
     for (const FrameDecision& camera : cameras) {
         auto* const segmenter = dynamic_cast<CudaSegmenter*>(camera.segmenter);
-        if (!segmenter || segmenter->step_ != Step::kBegun || segmenter->data_.channels != data_.channels)
+        if (!segmenter || segmenter->step_ != Step::kBegun || segmenter->context_ != context_ ||
+            segmenter->data_.channels != data_.channels)
             return;  // each decides alone
         members.push_back({segmenter, {}});
         for (const Segmenter* other : camera.others)
@@ -463,7 +464,7 @@ void CudaSegmenter::end_frame(const Silhouettes&) {
     if (step_ == Step::kDecided && data_.interval > 0) {
         CudaSegmenter* const own[] = {this};
         upload_cameras(own);
-        queue_update(*stream_, {{host_cameras_.data(), 1}, cameras_.data(), data_.channels}, 1);
+        queue_update(stream_, {{host_cameras_.data(), 1}, cameras_.data(), data_.channels}, 1);
     }
     step_ = Step::kNone;
     ++frame_;
@@ -472,10 +473,18 @@ void CudaSegmenter::end_frame(const Silhouettes&) {
 }  // namespace
 }  // namespace cuda
 
-std::unique_ptr<Segmenter> make_segmenter_cuda(int width, int height, int channels,
-                                               const SegmentationOptions& options) {
+std::shared_ptr<DeviceContext> make_device_context_cuda() {
     cuda::require_gpu("segmentation");
-    return std::make_unique<cuda::CudaSegmenter>(width, height, channels, options);
+    return std::make_shared<cuda::CudaContext>();
+}
+
+std::unique_ptr<Segmenter> make_segmenter_cuda(int width, int height, int channels,
+                                               const SegmentationOptions& options,
+                                               std::shared_ptr<DeviceContext> context) {
+    cuda::require_gpu("segmentation");
+    auto own = std::dynamic_pointer_cast<cuda::CudaContext>(std::move(context));
+    if (!own) throw std::invalid_argument("segmentation: the context is not a GPU's");
+    return std::make_unique<cuda::CudaSegmenter>(width, height, channels, options, std::move(own));
 }
 
 }  // namespace kinevox::kernels
