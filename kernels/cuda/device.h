@@ -119,7 +119,7 @@ void fill_bytes(const Stream& stream, T* device, int value, std::size_t count) {
 }
 
 // Pieces of different types that one copy brings to the device: clear(), reserve() each, place(), fill what
-// host() returns, upload(). Where they lie on the device is stated by device().
+// host() returns, upload(). Where they are on the device is stated by device(). The memory never shrinks.
 class PackedUpload {
   public:
     void clear() { bytes_ = 0; }

@@ -1,9 +1,9 @@
 // Segmentation on the device, step for step as kernels/cpu/segmentation.cc, for all cameras of a frame set at
-// once: begin_frame() uploads an image, and the first decide() queues all steps of all cameras, waits once
-// and keeps the results for the others. The host learns the first model and keeps the subject's colours.
+// once: begin_frame() uploads an image, and the first decide() uploads what else is new of all cameras,
+// queues all steps, waits once and keeps the results for the others. The host learns the first model and
+// keeps the subject's colours.
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <functional>
 #include <memory>
 #include <stdexcept>
@@ -19,6 +19,7 @@
 #include "kernels/cuda/forms.h"
 #include "kernels/cuda/segmentation_results.h"
 #include "kernels/cuda/segmentation_steps.h"
+#include "kernels/cuda/segmentation_upload.h"
 #include "kernels/floor_grid.h"
 #include "kernels/segmentation_memory.h"
 #include "kernels/shared/faint_weights.h"
@@ -88,9 +89,8 @@ class CudaSegmenter final : public RewindableSegmenter {
     void place_frame();
     void place_scene();
     void upload_image(const ImageView& image);
-    void upload_frame(const ImageView& image, const SegmentationPrior& prior);
     CudaSegmenter* usable(const Segmenter* other) const;
-    void upload_cameras(std::span<CudaSegmenter* const> cameras);
+    FrameSet upload_cameras(std::span<CudaSegmenter* const> cameras);
     void decide_all(const std::vector<Member>& members, bool update);
     void prepare(const Member& member, std::span<CudaSegmenter* const> cameras);
 
@@ -104,6 +104,7 @@ class CudaSegmenter final : public RewindableSegmenter {
     cpu::BackgroundModel learned_model_;  // empty unless it is kept
     cpu::ForegroundColours colours_;
     std::vector<float> log_foreground_;
+    ExpectedUpload expected_;
     std::vector<std::int32_t> counts_;
     Step step_ = Step::kNone;
     // Whether the device may still read these pieces of pinned memory.
@@ -121,13 +122,10 @@ class CudaSegmenter final : public RewindableSegmenter {
     DeviceBuffer<int> cells_, tiles_, changed_, added_, run_lists_;
     DeviceBuffer<CameraState> state_;
     DeviceBuffer<kde::SceneView> device_scene_;
-    // What is uploaded with a frame: image, log density of colours, expected silhouette.
-    DeviceBuffer<std::uint8_t> upload_;
-    PinnedBuffer<std::uint8_t> host_upload_;
-    std::size_t colours_at_ = 0, expected_at_ = 0;
+    DeviceBuffer<std::uint8_t> image_;
+    PinnedBuffer<std::uint8_t> host_image_;
     // Of a whole frame set, where this segmenter is its first one.
-    PinnedBuffer<SegmentData> host_cameras_;
-    DeviceBuffer<SegmentData> cameras_;
+    FrameUpload frame_upload_;
     ResultMemory result_memory_;
 };
 
@@ -259,13 +257,8 @@ void CudaSegmenter::place_frame() {
     data_.added = place(added_, blocks);
     data_.support = place(support_, static_cast<std::size_t>(data_.support_columns()) * data_.support_rows());
     data_.colour_bins = colours_.bins();
-    colours_at_ = (pixels() * data_.channels + 15) / 16 * 16;
-    expected_at_ = colours_at_ + colours_.bins() * sizeof(float);
-    const std::size_t bytes = expected_at_ + cells() * sizeof(Word);
-    host_upload_.resize(bytes);
-    std::uint8_t* uploaded = place(upload_, bytes);
-    data_.image = uploaded;
-    data_.log_foreground = reinterpret_cast<const float*>(uploaded + colours_at_);
+    host_image_.resize(pixels() * data_.channels);
+    data_.image = place(image_, host_image_.size());
     place_scene();
 }
 
@@ -303,34 +296,10 @@ void CudaSegmenter::upload_image(const ImageView& image) {
     const int rows = static_cast<int>(std::max<std::size_t>(1, kPiece / row_bytes));
     for (int y = 0; y < data_.height; y += rows) {
         const int end = std::min(y + rows, data_.height);
-        cpu::copy_rows(image, y, end, host_upload_.data());
-        upload(stream_, upload_.data() + y * row_bytes, host_upload_.data() + y * row_bytes,
+        cpu::copy_rows(image, y, end, host_image_.data());
+        upload(stream_, image_.data() + y * row_bytes, host_image_.data() + y * row_bytes,
                (end - y) * row_bytes);
     }
-}
-
-// The image, the log density of colours and the expected silhouette as bits; the latter two are worked out
-// while the image is copied.
-void CudaSegmenter::upload_frame(const ImageView& image, const SegmentationPrior& prior) {
-    std::size_t end = expected_at_;
-    data_.expected = nullptr;
-    std::vector<std::function<void()>> tasks;
-    tasks.emplace_back([&] { upload_image(image); });
-    tasks.emplace_back([&] {
-        colours_.log_density(options_.colour_memory_weight, log_foreground_);
-        std::memcpy(host_upload_.data() + colours_at_, log_foreground_.data(),
-                    log_foreground_.size() * sizeof(float));
-    });
-    if (prior.expected && data_.tracked) {
-        data_.expected = reinterpret_cast<const Word*>(upload_.data() + expected_at_);
-        end += cells() * sizeof(Word);
-        tasks.emplace_back([&] {
-            cpu::pack_mask(prior.expected, data_.width, data_.height,
-                           reinterpret_cast<Word*>(host_upload_.data() + expected_at_));
-        });
-    }
-    cpu::run_all(tasks);
-    upload(stream_, upload_.data() + colours_at_, host_upload_.data() + colours_at_, end - colours_at_);
 }
 
 // Uploads the image, and has no other part in the work on it, so that the cameras' threads do not meet.
@@ -351,7 +320,13 @@ void CudaSegmenter::begin_frame(const ImageView& image, const SegmentationPrior&
     searched_ = {data_.work.k0 * kCellPixels, data_.work.y0,
                  std::min(data_.work.k1 * kCellPixels, data_.width), data_.work.y1};
     upload_in_flight_ = true;
-    upload_frame(image, prior);
+    expected_.clear();
+    std::vector<std::function<void()>> tasks;  // the others are worked out while the image is copied
+    tasks.emplace_back([&] { upload_image(image); });
+    tasks.emplace_back([&] { colours_.log_density(options_.colour_memory_weight, log_foreground_); });
+    if (prior.expected && data_.tracked)
+        tasks.emplace_back([&] { expected_.pack(prior.expected, data_.width, data_.height); });
+    cpu::run_all(tasks);
     step_ = Step::kBegun;
 }
 
@@ -377,15 +352,14 @@ void CudaSegmenter::prepare(const Member& member, std::span<CudaSegmenter* const
     data_.update = cpu::update_parameters(options_, frame_ / data_.interval);
 }
 
-void CudaSegmenter::upload_cameras(std::span<CudaSegmenter* const> cameras) {
+FrameSet CudaSegmenter::upload_cameras(std::span<CudaSegmenter* const> cameras) {
     if (cameras_in_flight_) stream_.wait();  // end_frame() after decide() alone
-    host_cameras_.resize(cameras.size());
-    for (std::size_t n = 0; n < cameras.size(); ++n) {
-        host_cameras_[n] = cameras[n]->data_;
-        host_cameras_[n].look = cameras[n]->step_ == Step::kBegun;
-    }
+    std::vector<CameraUpload> uploads;
+    for (const CudaSegmenter* camera : cameras)
+        uploads.push_back(
+            {&camera->data_, camera->step_ == Step::kBegun, camera->log_foreground_, &camera->expected_});
     cameras_in_flight_ = true;
-    upload(stream_, cameras_, host_cameras_);
+    return frame_upload_.upload(stream_, uploads);
 }
 
 // All steps of the members, which this segmenter is the first of. Waits once.
@@ -403,8 +377,7 @@ void CudaSegmenter::decide_all(const std::vector<Member>& members, bool update) 
     }
     const std::vector<FrameResults> results = result_memory_.place(deciding);
     for (int n = 0; n < count; ++n) members[n].segmenter->results_ = results[n];
-    upload_cameras(cameras);
-    const FrameSet set{{host_cameras_.data(), host_cameras_.size()}, cameras_.data(), data_.channels};
+    const FrameSet set = upload_cameras(cameras);
     if (std::any_of(cameras.begin(), cameras.end(),
                     [](const CudaSegmenter* camera) { return camera->step_ == Step::kBegun; })) {
         queue_density(stream_, set);
@@ -463,8 +436,7 @@ void CudaSegmenter::decide(std::span<const Segmenter* const> others, Silhouettes
 void CudaSegmenter::end_frame(const Silhouettes&) {
     if (step_ == Step::kDecided && data_.interval > 0) {
         CudaSegmenter* const own[] = {this};
-        upload_cameras(own);
-        queue_update(stream_, {{host_cameras_.data(), 1}, cameras_.data(), data_.channels}, 1);
+        queue_update(stream_, upload_cameras(own), 1);
     }
     step_ = Step::kNone;
     ++frame_;

@@ -352,13 +352,12 @@ __global__ void light_kernel(const SegmentData* __restrict__ cameras) {
     }
 }
 
-// Whether a mask of whole rows has a pixel within kMargin of (x, y) in its row; 0 beside [k0, k1).
+// Whether a row, of which word(k) is a cell, has a pixel within kMargin of x.
 constexpr int kMargin = 3;
-__device__ bool any_near(const SegmentData& d, const Word* mask, int k0, int k1, int x, int y) {
-    for (int near = max(x - kMargin, 0); near <= min(x + kMargin, d.width - 1); ++near) {
-        const int k = near / kCellPixels;
-        if (k >= k0 && k < k1 && mask[d.cell(y, k)] >> near % kCellPixels & 1) return true;
-    }
+template <class F>
+__device__ bool any_near(const SegmentData& d, int x, const F& word) {
+    for (int near = max(x - kMargin, 0); near <= min(x + kMargin, d.width - 1); ++near)
+        if (word(near / kCellPixels) >> near % kCellPixels & 1) return true;
     return false;
 }
 
@@ -367,8 +366,9 @@ __device__ bool kept_out(const SegmentData& d, int x, int y) {
     const CellRange& box = d.state->box;
     for (int dy = -kMargin; dy <= kMargin; dy += kMargin) {
         const int row = min(max(y + dy, 0), d.height - 1);
-        if (row >= box.y0 && row < box.y1 && any_near(d, d.loose, box.k0, box.k1, x, row)) return true;
-        if (d.expected && any_near(d, d.expected, 0, d.cells_per_row, x, row)) return true;
+        const auto loose = [&](int k) { return box.holds(row, k) ? d.loose[d.cell(row, k)] : Word{0}; };
+        const auto expected = [&](int k) { return d.expected.at(row, k); };
+        if (any_near(d, x, loose) || (d.expected.words && any_near(d, x, expected))) return true;
     }
     return false;
 }
