@@ -172,6 +172,10 @@ class Segmenter {
     // Updates the model with the frame; `out` as decide() filled it.
     virtual void end_frame(const Silhouettes& out) = 0;
 
+    // The pixels of `image`, rows without padding, in a GPU's memory if they are those of the last
+    // begin_frame(), and until the next one; null on the CPU. Valid after decide().
+    virtual const std::uint8_t* image_on_device(const ImageView&) const { return nullptr; }
+
     // The three steps for one camera alone.
     void segment(const ImageView& image, const SegmentationPrior& prior, Silhouettes& out) {
         begin_frame(image, prior);

@@ -156,14 +156,19 @@ StageTimes FrameSetRig::run() {
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
         const Silhouettes& s = silhouettes_[c];
         hull_views.push_back({&cameras_[c], s.loose.data(), s.bounds});
-        colouring_views.push_back(
-            {&cameras_[c], view(frame.images[c]), s.loose.data(), s.sharp.data(), s.bounds});
+        const ImageView image = view(frame.images[c]);
+        colouring_views.push_back({&cameras_[c], image, s.loose.data(), s.sharp.data(), s.bounds,
+                                   segmenters_[c]->image_on_device(image)});
     }
     out.segmentation_ms = clock.lap();
-    carver_->carve(hull_views, lattice_, volume_);
-    out.hull_ms = clock.lap();
     ColouringReport report;
-    colourer_->colour(colouring_views, volume_, report);
+    if (colourer_->carves_and_colours()) {
+        colourer_->carve_and_colour(*carver_, hull_views, lattice_, colouring_views, volume_, report);
+    } else {
+        carver_->carve(hull_views, lattice_, volume_);
+        out.hull_ms = clock.lap();
+        colourer_->colour(colouring_views, volume_, report);
+    }
     out.colouring_ms = clock.lap();
     return out;
 }

@@ -2,6 +2,7 @@
 #include "kernels/cpu/hull.h"
 #include "kernels/cuda/device.h"
 #include "kernels/cuda/forms.h"
+#include "kernels/cuda/hull.h"
 #include "kernels/cuda/volume_maker.h"
 
 namespace kinevox::kernels {
@@ -27,12 +28,20 @@ class CudaHullCarver final : public HullCarver {
         maker_.make(request, out, report);
     }
 
+    const HullOptions& options() const { return options_; }
+
   private:
     HullOptions options_;
     VolumeMaker maker_;
 };
 
 }  // namespace
+
+const HullOptions* options_of(const HullCarver& carver) {
+    const auto* const own = dynamic_cast<const CudaHullCarver*>(&carver);
+    return own ? &own->options() : nullptr;
+}
+
 }  // namespace cuda
 
 std::unique_ptr<HullCarver> make_hull_carver_cuda(const HullOptions& options) {

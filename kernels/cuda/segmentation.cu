@@ -56,6 +56,11 @@ class CudaSegmenter final : public RewindableSegmenter {
     void decide_together(std::span<const FrameDecision> cameras) override;
     void decide(std::span<const Segmenter* const> others, Silhouettes& out) override;
     void end_frame(const Silhouettes& out) override;
+    const std::uint8_t* image_on_device(const ImageView& image) const override {
+        const bool same = image.data == on_device_.data && image.width == on_device_.width &&
+                          image.height == on_device_.height && image.channels == on_device_.channels;
+        return same && image.data && !upload_in_flight_ ? image_.data() : nullptr;
+    }
     const kde::SceneView* scene() const override { return has_camera() ? &scene_ : nullptr; }
 
   private:
@@ -122,6 +127,7 @@ class CudaSegmenter final : public RewindableSegmenter {
     DeviceBuffer<int> cells_, tiles_, changed_, added_, run_lists_;
     DeviceBuffer<CameraState> state_;
     DeviceBuffer<kde::SceneView> device_scene_;
+    ImageView on_device_;  // the host's image that `image_` has; no data: none
     DeviceBuffer<std::uint8_t> image_;
     PinnedBuffer<std::uint8_t> host_image_;
     // Of a whole frame set, where this segmenter is its first one.
@@ -259,6 +265,7 @@ void CudaSegmenter::place_frame() {
     data_.colour_bins = colours_.bins();
     host_image_.resize(pixels() * data_.channels);
     data_.image = place(image_, host_image_.size());
+    on_device_ = {};
     place_scene();
 }
 
@@ -320,6 +327,7 @@ void CudaSegmenter::begin_frame(const ImageView& image, const SegmentationPrior&
     searched_ = {data_.work.k0 * kCellPixels, data_.work.y0,
                  std::min(data_.work.k1 * kCellPixels, data_.width), data_.work.y1};
     upload_in_flight_ = true;
+    on_device_ = image;
     expected_.clear();
     std::vector<std::function<void()>> tasks;  // the others are worked out while the image is copied
     tasks.emplace_back([&] { upload_image(image); });

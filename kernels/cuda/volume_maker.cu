@@ -135,6 +135,8 @@ void VolumeMaker::place_pieces(const VolumeRequest& request) {
         }
         if (!from.image.data) continue;
         view.channels = from.image.channels;
+        view.image = from.image_on_device;
+        if (view.image) continue;
         view_images_[n] = upload_.reserve<std::uint8_t>(static_cast<std::size_t>(from.image.width) *
                                                         from.image.height * from.image.channels);
     }
