@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <utility>
+#include <vector>
 
 namespace kinevox::kernels::cuda {
 
@@ -131,10 +132,11 @@ class PackedUpload {
         bytes_ += (count * sizeof(T) + kAligned - 1) / kAligned * kAligned;
         return begin;
     }
-    // `more`: bytes behind the pieces, on the device alone.
-    void place(std::size_t more = 0) {
-        host_.resize(bytes_);
-        device_.resize(bytes_ + more);
+    // `more`: bytes behind the pieces, on the device alone. `spare`: bytes by which the pieces may grow later
+    // and still stay where they are.
+    void place(std::size_t more = 0, std::size_t spare = 0) {
+        host_.resize(bytes_ + spare);
+        device_.resize(bytes_ + spare + more);
     }
     template <class T>
     T* host(std::size_t begin) const {
@@ -151,6 +153,53 @@ class PackedUpload {
     std::size_t bytes_ = 0;
     PinnedBuffer<std::uint8_t> host_;
     DeviceBuffer<std::uint8_t> device_;
+};
+
+// Kernels that are often queued with the same arguments, as one launch.
+class KernelGraph {
+  public:
+    KernelGraph() = default;
+    ~KernelGraph() { release(); }
+    KernelGraph(const KernelGraph&) = delete;
+    KernelGraph& operator=(const KernelGraph&) = delete;
+
+    // Queues what queue() does. `key`: all that the arguments depend on. To make a graph takes as long as to
+    // queue its kernels many times, so that one is made for the second call in a row with the same key.
+    template <class F>
+    void run(const Stream& stream, const std::vector<std::intptr_t>& key, const F& queue) {
+        if (key != key_) {
+            release();
+            key_ = key;
+            return queue();
+        }
+        if (!graph_) record(stream, queue);
+        KINEVOX_CUDA_CHECK(cudaGraphLaunch(graph_, stream.get()));
+    }
+
+  private:
+    template <class F>
+    void record(const Stream& stream, const F& queue) {
+        cudaGraph_t recorded = nullptr;
+        // Other threads may do as they like meanwhile.
+        KINEVOX_CUDA_CHECK(cudaStreamBeginCapture(stream.get(), cudaStreamCaptureModeThreadLocal));
+        try {
+            queue();
+        } catch (...) {
+            if (cudaStreamEndCapture(stream.get(), &recorded) == cudaSuccess) cudaGraphDestroy(recorded);
+            throw;
+        }
+        KINEVOX_CUDA_CHECK(cudaStreamEndCapture(stream.get(), &recorded));
+        const cudaError_t error = cudaGraphInstantiate(&graph_, recorded, 0);
+        cudaGraphDestroy(recorded);
+        KINEVOX_CUDA_CHECK(error);
+    }
+    void release() {
+        if (graph_) cudaGraphExecDestroy(graph_);
+        graph_ = nullptr;
+    }
+
+    std::vector<std::intptr_t> key_;
+    cudaGraphExec_t graph_ = nullptr;
 };
 
 inline constexpr int kThreads = 256;  // per block, where nothing asks for another number

@@ -70,7 +70,8 @@ std::vector<SilhouetteView> hull_silhouettes(std::span<const HullView> views, co
 
 // Returns where the mask's words begin in the upload; at least one, so that a mask without foreground is one.
 std::size_t VolumeMaker::add_mask(const std::uint8_t* mask, const Projector& camera, const Rect& box) {
-    const std::size_t at = upload_.reserve<Word>(std::max<std::size_t>(words_of(box), 1));
+    const std::size_t words = std::max<std::size_t>(words_of(box), 1), at = upload_.reserve<Word>(words);
+    spare_bytes_ += (words_of({0, 0, camera.width, camera.height}) + 2 - words) * sizeof(Word);
     masks_.push_back({mask, camera.width, box, at});
     return at;
 }
@@ -111,6 +112,7 @@ void VolumeMaker::place_pieces(const VolumeRequest& request) {
     upload_.clear();
     masks_.clear();
     map_masks_.clear();
+    spare_bytes_ = request.hull ? 0 : (room_.bricks - request.given.size()) * sizeof(Brick);
     view_masks_.assign(views_.size(), kNone);
     view_images_.assign(views_.size(), kNone);
     pieces_.job = upload_.reserve<VolumeJob>(1);
@@ -143,7 +145,7 @@ void VolumeMaker::place_pieces(const VolumeRequest& request) {
     pieces_.state = upload_.reserve<VolumeState>(1);
     pieces_.view_states = upload_.reserve<ViewState>(views_.size());
     pieces_.out = upload_.size();
-    upload_.place(room_.bricks * sizeof(Brick) + room_.voxels * sizeof(Colour));
+    upload_.place(room_.bricks * sizeof(Brick) + room_.voxels * sizeof(Colour), spare_bytes_);
     results_.resize(pieces_.out - pieces_.state + room_.bricks * sizeof(Brick) +
                     room_.voxels * sizeof(Colour));
 }
@@ -248,14 +250,15 @@ VolumeBlocks VolumeMaker::volume_blocks() const {
             static_cast<unsigned>(std::min((room_.cells + kThreads - 1) / kThreads, kMaxCellBlocks))};
 }
 
-void VolumeMaker::queue_steps(const VolumeRequest& request) {
+// All steps, with the first rounds.
+void VolumeMaker::queue_steps(const VolumeRequest& request, int rounds) {
     const VolumeBlocks blocks = volume_blocks();
     const float voxel_m = request.lattice.voxel_m;
+    int now = 0;
     const auto fill = [&](int radius, int min_lines, bool counts) {
-        queue_filling(stream_, job(), blocks, now_, radius, min_lines, counts);
-        now_ = 1 - now_;
+        queue_filling(stream_, job(), blocks, now, radius, min_lines, counts);
+        now = 1 - now;
     };
-    now_ = look_ = 0;
     queue_maps(stream_, job(), static_cast<int>(map_views_.size()));
     if (request.hull) {
         queue_hull(stream_, job(), blocks);
@@ -264,13 +267,36 @@ void VolumeMaker::queue_steps(const VolumeRequest& request) {
     } else {
         queue_given(stream_, job(), blocks);
     }
-    if (!request.colouring) return queue_bricks(stream_, job(), blocks, now_);
+    if (!request.colouring) return queue_bricks(stream_, job(), blocks, now);
     const ColouringOptions& options = *request.colouring;
-    if (map_views_.size() > static_cast<std::size_t>(hull_views_)) queue_sharp(stream_, job(), blocks, now_);
+    if (map_views_.size() > static_cast<std::size_t>(hull_views_)) queue_sharp(stream_, job(), blocks, now);
     const int radius = fill_radius_voxels(options.fill_radius_m, voxel_m);
     if (options.max_rounds > 0 && radius >= 1)
         for (int pass = 0; pass < kFillPassesOfColouring; ++pass) fill(radius, kFillLinesOfColouring, true);
-    queue_views(stream_, job(), blocks, view_count(), now_);
+    queue_views(stream_, job(), blocks, view_count(), now);
+    queue_rounds(stream_, job(), blocks, view_count(), now, rounds, false, 0);
+    now_after_ = (now + rounds) % 2, look_after_ = rounds + 1;
+    queue_results(stream_, job(), blocks, view_count(), now_after_);
+}
+
+void VolumeMaker::queue(const VolumeRequest& request) {
+    const float voxel_m = request.lattice.voxel_m;
+    const auto radius_of = [&](const auto* options) {
+        return options ? fill_radius_voxels(options->fill_radius_m, voxel_m) : -1;
+    };
+    const int rounds = request.colouring ? std::min(request.colouring->max_rounds, kMaxRounds) : -1;
+    const VolumeBlocks blocks = volume_blocks();
+    const std::vector<std::intptr_t> key{reinterpret_cast<std::intptr_t>(job()),
+                                         static_cast<std::intptr_t>(blocks.bricks),
+                                         static_cast<std::intptr_t>(blocks.cells),
+                                         static_cast<std::intptr_t>(map_views_.size()),
+                                         hull_views_,
+                                         view_count(),
+                                         radius_of(request.hull),
+                                         radius_of(request.colouring),
+                                         rounds};
+    graph_.run(stream_, key, [&] { queue_steps(request, rounds); });
+    now_ = now_after_, look_ = look_after_;
 }
 
 void VolumeMaker::fetch() {
@@ -316,45 +342,47 @@ void VolumeMaker::take(const VolumeRequest& request, VoxelVolume& volume, Colour
     }
 }
 
+// Adds the rounds that the device has made to the report and returns their number.
+int VolumeMaker::count_rounds(int rounds, ColouringReport& report) const {
+    int made = 0;
+    while (made < rounds) {
+        ++made;
+        report.carved += static_cast<std::int64_t>(state().carved[made]);
+        if (state().carved[made] == 0) break;
+    }
+    report.rounds += made;
+    return made;
+}
+
+// Queues more rounds where the last one still carved and more are allowed; false where not.
+bool VolumeMaker::queue_more(const VolumeRequest& request, ColouringReport& report) {
+    const int before = report.rounds, max_rounds = request.colouring->max_rounds;
+    count_rounds(std::min(max_rounds - before, kMaxRounds), report);
+    const int rounds = std::min(max_rounds - report.rounds, kMaxRounds);
+    if (report.rounds - before < kMaxRounds || state().carved[kMaxRounds] == 0 || rounds == 0) return false;
+    const VolumeBlocks blocks = volume_blocks();
+    queue_rounds(stream_, job(), blocks, view_count(), now_, rounds, true, look_);
+    now_ = (now_ + rounds) % 2, look_ += rounds + 1;
+    queue_results(stream_, job(), blocks, view_count(), now_);
+    return true;
+}
+
 void VolumeMaker::make(const VolumeRequest& request, VoxelVolume& volume, ColouringReport& report) {
     if (in_flight_) stream_.wait();  // an error ended the last call
     in_flight_ = true;
     room_.bricks = std::max(room_.bricks, static_cast<int>(request.given.size()));
     frame(request);
-    report = {};
-    for (;;) {
+    bool again = true;
+    while (again) {
         place_pieces(request);
         place_memory(request);
         upload(request);
-        queue_steps(request);
-        bool again = false;
-        for (bool continued = false; request.colouring; continued = true) {
-            const int rounds = std::min(request.colouring->max_rounds - report.rounds, kMaxRounds);
-            const VolumeBlocks blocks = volume_blocks();
-            queue_rounds(stream_, job(), blocks, view_count(), now_, rounds, continued, look_);
-            now_ = (now_ + rounds) % 2, look_ += rounds + 1;
-            queue_results(stream_, job(), blocks, view_count(), now_);
-            fetch();
-            if (again = grow(); again) break;
-            unsigned long long carved = 0;
-            int round = 0;
-            while (round < rounds) {
-                ++round;
-                carved += state().carved[round];
-                if (state().carved[round] == 0) break;
-            }
-            report.rounds += round;
-            report.carved += static_cast<std::int64_t>(carved);
-            if (round < kMaxRounds || state().carved[round] == 0 ||
-                report.rounds == request.colouring->max_rounds)
-                break;
-        }
-        if (!request.colouring) {
+        queue(request);
+        report = {};
+        do {
             fetch();
             again = grow();
-        }
-        if (!again) break;
-        report = {};
+        } while (!again && request.colouring && queue_more(request, report));
     }
     in_flight_ = false;
     report.carved +=

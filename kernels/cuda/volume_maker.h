@@ -53,9 +53,12 @@ class VolumeMaker {
     void place_memory(const VolumeRequest& request);
     VolumeJob job_of(const VolumeRequest& request) const;
     void upload(const VolumeRequest& request);
-    void queue_steps(const VolumeRequest& request);
+    void queue_steps(const VolumeRequest& request, int rounds);
+    void queue(const VolumeRequest& request);
+    bool queue_more(const VolumeRequest& request, ColouringReport& report);
     void fetch();
     bool grow();
+    int count_rounds(int rounds, ColouringReport& report) const;
     void take(const VolumeRequest& request, VoxelVolume& volume, ColouringReport& report) const;
 
     const VolumeJob* job() const { return upload_.device<VolumeJob>(pieces_.job); }
@@ -66,7 +69,8 @@ class VolumeMaker {
     Stream stream_;
     bool in_flight_ = false;  // the device may still read pinned memory
     VolumeRoom room_{128, 4096, 2048};
-    int now_ = 0, look_ = 0;  // see queue_rounds()
+    int now_ = 0, look_ = 0;              // see queue_rounds()
+    int now_after_ = 0, look_after_ = 0;  // the same after all steps
 
     int hull_views_ = 0;
     std::vector<MapsOfView> map_views_;  // the hull's, then those of the sharp silhouettes
@@ -77,7 +81,9 @@ class VolumeMaker {
     std::vector<MaskUpload> masks_;
     std::vector<SilhouetteView> silhouettes_;
     Pieces pieces_;
+    std::size_t spare_bytes_ = 0;  // by which masks and bricks may grow
 
+    KernelGraph graph_;
     PackedUpload upload_;
     PinnedBuffer<std::uint8_t> results_;
     HullMapMemory maps_;
