@@ -124,7 +124,7 @@ class CudaSegmenter final : public RewindableSegmenter {
     DeviceBuffer<Word> masks_;
     DeviceBuffer<std::int8_t> votes_;
     DeviceBuffer<std::uint16_t> faint_;
-    DeviceBuffer<int> cells_, tiles_, changed_, added_, run_lists_;
+    DeviceBuffer<int> cells_, group_spans_, tiles_, changed_, added_, run_lists_;
     DeviceBuffer<CameraState> state_;
     DeviceBuffer<kde::SceneView> device_scene_;
     ImageView on_device_;  // the host's image that `image_` has; no data: none
@@ -245,6 +245,7 @@ void CudaSegmenter::place_frame() {
     data_.density = place(density_, cells() * kCellPixels);
     data_.candidates = place(candidates_, cells());
     data_.cells = place(cells_, cells());
+    data_.group_spans = place(group_spans_, static_cast<std::size_t>(2) * data_.height);
     const auto tiles = static_cast<std::size_t>(data_.tiles());
     data_.near = place(near_, tiles);
     fill_bytes(stream_, data_.near, 0, tiles);

@@ -12,7 +12,8 @@ using kde::kCellPixels;
 
 constexpr int kGainThreads = kMedianThreads, kGainBins = kMedianThreads;  // a thread a bin
 constexpr int kClearingBlocks = 8;
-constexpr int kWarps = kThreads / 32;  // of a block of kThreads
+constexpr int kGroups = kCellPixels / kde::kGroupPixels;  // of a cell
+constexpr int kWarps = kThreads / 32;                     // of a block of kThreads
 
 // As cpu::estimate_gain(): the values and references of a grid of the image's pixels.
 struct GainGrid {
@@ -90,6 +91,8 @@ __global__ void __launch_bounds__(kGainThreads) begin_kernel(const SegmentData* 
     const int blocks = d.vote_columns() * d.vote_rows(), words = d.height * d.cells_per_row;
     for (int i = (block - 3) * kGainThreads + n; i < words; i += kClearingBlocks * kGainThreads)
         d.sharp[i] = d.loose[i] = 0;
+    for (int i = (block - 3) * kGainThreads + n; i < d.height; i += kClearingBlocks * kGainThreads)
+        d.group_spans[2 * i] = d.cells_per_row * kGroups, d.group_spans[2 * i + 1] = 0;
     for (int i = (block - 3) * kGainThreads + n; i < blocks; i += kClearingBlocks * kGainThreads) {
         d.votes[i] = static_cast<std::int8_t>(-kde::kMaxVote);
         d.changed[i] = 0;
@@ -236,6 +239,8 @@ __global__ void active_kernel(const SegmentData* __restrict__ cameras) {
         d.active[n] = static_cast<std::uint8_t>(groups);
         if (groups | before) place = atomicAdd(&listed, 1);
         if (groups) {
+            atomicMin(d.group_spans + 2 * y, k * kGroups + __ffs(groups) - 1);
+            atomicMax(d.group_spans + 2 * y + 1, k * kGroups + 32 - __clz(groups));
             atomicMin(box, y);
             atomicMax(box + 1, y + 1);
             atomicMin(box + 2, k);

@@ -85,6 +85,7 @@ struct SegmentData {
     std::uint8_t *values, *density;     // of this image, as BackgroundModel's planes
     std::uint8_t *candidates, *active;  // per cell, its groups (kde_evidence.h) near unsure pixels and those
                                         // looked at; `active` holds the last frame's before
+    int* group_spans;                   // per row, its first active group, and one more than its last
     int* cells;                         // those that are active, or were in the last frame
     std::uint8_t* near;                 // per tile, whether its smoothed evidence is not neutral
     int *near_tiles, *active_tiles;  // those near an active cell, or not neutral; those with an active cell
