@@ -20,22 +20,18 @@ __device__ BlockState decide_bricks(const HullQuestion& q, const Lattice& lattic
     return decide_block(q.maps, q.views, q.min_views, centre[0], centre[1], centre[2], half - 0.5f * voxel);
 }
 
-// Voxel `bit` (z * 64 + y * 8 + x) of a brick.
-__device__ bool voxel_inside(const HullQuestion& q, const Lattice& lattice, const BrickPosition& brick,
-                             int bit) {
-    const float voxel = lattice.voxel_m;
-    const auto centre = [&](int axis, int place) {
-        return lattice.origin[axis] + (static_cast<float>(place * kBrickEdge) + 0.5f) * voxel;
-    };
-    const float x = centre(0, brick.x), along = static_cast<float>(bit & 7);
-    const float y = centre(1, brick.y) + static_cast<float>(bit >> 3 & 7) * voxel;
-    const float z = centre(2, brick.z) + static_cast<float>(bit >> 6) * voxel;
+// Voxel `bit` (z * 64 + y * 8 + x) of a brick whose first voxel's centre is (x, y, z); rounded as in
+// carve_brick() of the CPU form.
+__device__ bool voxel_inside(const HullQuestion& q, float voxel, float x, float y, float z, int bit) {
+    const float along = static_cast<float>(bit & 7) * voxel;
+    y += static_cast<float>(bit >> 3 & 7) * voxel;
+    z += static_cast<float>(bit >> 6) * voxel;
     int misses = 0, contain = 0;
     for (int n = 0; n < q.views; ++n) {
         const HullMaps& view = q.maps[n];
         const Projector& c = view.camera;
         CameraPoint p = to_camera(c, x, y, z);
-        p.x += along * (c.r[0] * voxel), p.y += along * (c.r[3] * voxel), p.z += along * (c.r[6] * voxel);
+        p.x += along * c.r[0], p.y += along * c.r[3], p.z += along * c.r[6];
         float u, v;
         if (!to_pixel(c, p, u, v)) continue;
         const int miss = miss_at(view, u, v);
@@ -118,7 +114,13 @@ __global__ void carve_bricks(const VolumeJob* __restrict__ job) {
     for (int n = static_cast<int>(blockIdx.x); n < bricks; n += static_cast<int>(gridDim.x)) {
         const BrickPosition brick = job->positions[n];
         const BlockState state = job->states[(brick.z * job->grid.y + brick.y) * job->grid.x + brick.x];
-        const bool inside = state == BlockState::kFull || voxel_inside(job->hull, job->lattice, brick, bit);
+        const float voxel = job->lattice.voxel_m;
+        const auto first = [&](int axis, int place) {
+            return job->lattice.origin[axis] + (static_cast<float>(place * kBrickEdge) + 0.5f) * voxel;
+        };
+        const bool inside =
+            state == BlockState::kFull ||
+            voxel_inside(job->hull, voxel, first(0, brick.x), first(1, brick.y), first(2, brick.z), bit);
         const unsigned votes = __ballot_sync(0xffffffffu, inside);
         if (bit % 32 == 0) words_of(job->occupancy[0], n)[bit / 32] = votes;
     }
@@ -155,7 +157,13 @@ __global__ void carve_outside(const VolumeJob* __restrict__ job, int now) {
         }
         __syncthreads();
         if (whole == BlockState::kFull) continue;
-        const unsigned kept = __ballot_sync(0xffffffffu, voxel_inside(job->sharp, job->lattice, brick, bit));
+        const float voxel = job->lattice.voxel_m;
+        const auto first = [&](int axis, int place) {
+            return job->lattice.origin[axis] + static_cast<float>(place * kBrickEdge) * voxel + 0.5f * voxel;
+        };
+        const unsigned kept = __ballot_sync(
+            0xffffffffu,
+            voxel_inside(job->sharp, voxel, first(0, brick.x), first(1, brick.y), first(2, brick.z), bit));
         if (bit % 32 == 0) {
             std::uint32_t& word = words_of(job->occupancy[now], n)[bit / 32];
             atomicAdd(&gone, __popc(word & ~kept));
