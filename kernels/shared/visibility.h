@@ -66,8 +66,8 @@ KINEVOX_HD inline int splat_radius(const Projector& camera, int shift, float nea
     if (nearest_m == kFar_m) return 0;
     const float cell_px = static_cast<float>(1 << shift);
     const float focal = camera.fx > camera.fy ? camera.fx : camera.fy;
-    const int radius = static_cast<int>(focal * 0.71f * voxel_m / nearest_m / cell_px + 0.5f);
-    return radius < 64 ? radius : 64;
+    const float cells = focal * 0.71f * voxel_m / nearest_m / cell_px + 0.5f;
+    return cells < 64 ? static_cast<int>(cells) : 64;
 }
 
 // Cells of 2^shift px are about as large as a voxel that is projected to `voxel_px`: the shift is the whole
