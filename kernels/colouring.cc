@@ -31,6 +31,13 @@ std::string ColouringOptions::check() const {
     return {};
 }
 
+void VoxelColourer::carve_and_colour(HullCarver& carver, std::span<const HullView> hull_views,
+                                     const Lattice& lattice, std::span<const ColouringView> views,
+                                     VoxelVolume& volume, ColouringReport& report) {
+    carver.carve(hull_views, lattice, volume);
+    colour(views, volume, report);
+}
+
 std::unique_ptr<VoxelColourer> make_voxel_colourer(Device device, const ColouringOptions& options) {
     if (const std::string problem = options.check(); !problem.empty()) throw std::invalid_argument(problem);
     if (device == Device::kCuda) {

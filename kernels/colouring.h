@@ -20,6 +20,7 @@
 #include <string>
 #include <vector>
 
+#include "kernels/hull.h"
 #include "kernels/option_list.h"
 #include "kernels/types.h"
 
@@ -80,6 +81,8 @@ struct ColouringView {
     const std::uint8_t* silhouette = nullptr;  // the loose one, as HullView, or null; for the silhouette IoU
     const std::uint8_t* sharp = nullptr;       // null: this view's silhouette does not carve
     Rect bounds = {};                          // of the silhouette; empty: computed
+    // See Segmenter::image_on_device(); null: a GPU copies `image`.
+    const std::uint8_t* image_on_device = nullptr;
 };
 
 struct ColouringReport {
@@ -98,6 +101,13 @@ class VoxelColourer {
     // image that does not match its camera.
     virtual void colour(std::span<const ColouringView> views, VoxelVolume& volume,
                         ColouringReport& report) = 0;
+
+    // As carver.carve() and colour(). A GPU does not return the hull in between if carves_and_colours() is
+    // true.
+    virtual void carve_and_colour(HullCarver& carver, std::span<const HullView> hull_views,
+                                  const Lattice& lattice, std::span<const ColouringView> views,
+                                  VoxelVolume& volume, ColouringReport& report);
+    virtual bool carves_and_colours() const { return false; }
 };
 
 // Throws std::invalid_argument where options.check() is not empty, std::runtime_error where the device is

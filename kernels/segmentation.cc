@@ -2,6 +2,7 @@
 
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "kernels/cpu/segmentation_model.h"
 #include "kernels/cuda/forms.h"
@@ -16,7 +17,8 @@ std::string SegmentationOptions::check() const {
 }
 
 std::unique_ptr<Segmenter> make_segmenter(Device device, int width, int height, int channels,
-                                          const SegmentationOptions& options) {
+                                          const SegmentationOptions& options,
+                                          [[maybe_unused]] std::shared_ptr<DeviceContext> context) {
     if (const std::string problem = options.check(); !problem.empty())
         throw std::invalid_argument("segmentation options: " + problem);
     if (width < 1 || height < 1 || (channels != 1 && channels != 3))
@@ -25,7 +27,8 @@ std::unique_ptr<Segmenter> make_segmenter(Device device, int width, int height, 
                                     " channels; sizes are positive and channels 1 or 3");
     if (device == Device::kCuda) {
 #ifdef KINEVOX_HAVE_CUDA
-        return make_segmenter_cuda(width, height, channels, options);
+        return make_segmenter_cuda(width, height, channels, options,
+                                   context ? std::move(context) : make_device_context_cuda());
 #else
         throw std::runtime_error(
             "segmentation: built without a CUDA compiler; build where nvcc is found, or use "
@@ -37,8 +40,10 @@ std::unique_ptr<Segmenter> make_segmenter(Device device, int width, int height, 
 
 std::unique_ptr<RewindableSegmenter> make_rewindable_segmenter(Device device, int width, int height,
                                                                int channels,
-                                                               const SegmentationOptions& options) {
-    std::unique_ptr<Segmenter> made = make_segmenter(device, width, height, channels, options);
+                                                               const SegmentationOptions& options,
+                                                               std::shared_ptr<DeviceContext> context) {
+    std::unique_ptr<Segmenter> made =
+        make_segmenter(device, width, height, channels, options, std::move(context));
     auto* const segmenter = dynamic_cast<RewindableSegmenter*>(made.get());  // both forms are
     if (!segmenter) throw std::logic_error("segmentation: the segmenter of this device cannot be rewound");
     made.release();

@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "kernels/device_context.h"
 #include "kernels/option_list.h"
 #include "kernels/types.h"
 
@@ -160,9 +161,9 @@ class Segmenter {
     virtual void set_camera(const CameraModel& camera) = 0;
 
     // A frame in three steps, each for all cameras before the next one: decide() compares shadows with the
-    // images and models of `others`, segmenters of the same device that have begun a frame of the same
-    // instant. `image` and `prior` must stay valid until end_frame(). Reuses the memory of `out`. Throws
-    // std::invalid_argument for an image of another size, std::logic_error before learn().
+    // images and models of `others`, segmenters of the same device and context that have begun a frame of
+    // the same instant. `image` and `prior` must stay valid until end_frame(). Reuses the memory of `out`.
+    // Throws std::invalid_argument for an image of another size, std::logic_error before learn().
     virtual void begin_frame(const ImageView& image, const SegmentationPrior& prior) = 0;
     virtual void decide(std::span<const Segmenter* const> others, Silhouettes& out) = 0;
     // Between begin_frame() and decide() of all cameras of a frame set, of any one of them: a GPU then works
@@ -170,6 +171,10 @@ class Segmenter {
     virtual void decide_together(std::span<const FrameDecision>) {}
     // Updates the model with the frame; `out` as decide() filled it.
     virtual void end_frame(const Silhouettes& out) = 0;
+
+    // The pixels of `image`, rows without padding, in a GPU's memory if they are those of the last
+    // begin_frame(), and until the next one; null on the CPU. Valid after decide().
+    virtual const std::uint8_t* image_on_device(const ImageView&) const { return nullptr; }
 
     // The three steps for one camera alone.
     void segment(const ImageView& image, const SegmentationPrior& prior, Silhouettes& out) {
@@ -184,8 +189,10 @@ class Segmenter {
 };
 
 // Throws std::invalid_argument where options.check() is not empty, std::runtime_error where the device is
-// absent.
+// absent. `context`: of the device, see StageFactory::context(); null: one of its own, so that a GPU cannot
+// compare its frames with those of others.
 std::unique_ptr<Segmenter> make_segmenter(Device device, int width, int height, int channels,
-                                          const SegmentationOptions& options = {});
+                                          const SegmentationOptions& options = {},
+                                          std::shared_ptr<DeviceContext> context = {});
 
 }  // namespace kinevox::kernels

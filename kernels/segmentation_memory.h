@@ -19,6 +19,7 @@ class RewindableSegmenter : public Segmenter {
 // As make_segmenter(), on either device, with keep_learned() already called.
 std::unique_ptr<RewindableSegmenter> make_rewindable_segmenter(Device device, int width, int height,
                                                                int channels,
-                                                               const SegmentationOptions& options = {});
+                                                               const SegmentationOptions& options = {},
+                                                               std::shared_ptr<DeviceContext> context = {});
 
 }  // namespace kinevox::kernels

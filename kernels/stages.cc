@@ -1,5 +1,7 @@
 #include "kernels/stages.h"
 
+#include <mutex>
+
 #include "kernels/cuda/forms.h"
 
 namespace kinevox::kernels {
@@ -11,17 +13,28 @@ class DeviceStages final : public StageFactory {
 
     std::unique_ptr<Segmenter> segmenter(int width, int height, int channels,
                                          const SegmentationOptions& options) const override {
-        return make_segmenter(device_, width, height, channels, options);
+        return make_segmenter(device_, width, height, channels, options, context());
     }
     std::unique_ptr<RewindableSegmenter> rewindable_segmenter(
         int width, int height, int channels, const SegmentationOptions& options) const override {
-        return make_rewindable_segmenter(device_, width, height, channels, options);
+        return make_rewindable_segmenter(device_, width, height, channels, options, context());
     }
     std::unique_ptr<HullCarver> hull_carver(const HullOptions& options) const override {
         return make_hull_carver(device_, options);
     }
     std::unique_ptr<VoxelColourer> voxel_colourer(const ColouringOptions& options) const override {
         return make_voxel_colourer(device_, options);
+    }
+
+    // Made when it is first needed: a factory also exists where the GPU cannot be used.
+    std::shared_ptr<DeviceContext> context() const override {
+#ifdef KINEVOX_HAVE_CUDA
+        const std::lock_guard lock(mutex_);
+        if (device_ == Device::kCuda && !context_) context_ = make_device_context_cuda();
+        return context_;
+#else
+        return nullptr;
+#endif
     }
 
     std::string problem() const override {
@@ -47,6 +60,8 @@ class DeviceStages final : public StageFactory {
 
   private:
     const Device device_;
+    mutable std::mutex mutex_;
+    mutable std::shared_ptr<DeviceContext> context_;
 };
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <span>
 
 #include "kernels/body_silhouette.h"
+#include "kernels/stages.h"
 #include "kernels/tests/capsule_body.h"
 
 #ifdef KINEVOX_HAVE_TBB
@@ -62,8 +63,10 @@ struct FrameSetRig::Background {
     std::vector<std::uint8_t> noise_;
 };
 
-FrameSetRig::FrameSetRig(Device device, const FrameSetSize& size)
-    : size_(size), carver_(make_hull_carver(device)), colourer_(make_voxel_colourer(device)) {
+FrameSetRig::FrameSetRig(Device device, const FrameSetSize& size) : size_(size) {
+    const auto stages = make_stage_factory(device);
+    carver_ = stages->hull_carver({});
+    colourer_ = stages->voxel_colourer({});
     for (int n = 0; n < size.cameras; ++n) {
         const float angle = 6.2832f * static_cast<float>(n) / static_cast<float>(size.cameras);
         const float from[3] = {4 * std::cos(angle), 4 * std::sin(angle), 1.3f}, at[3] = {0, 0, 0.9f};
@@ -83,7 +86,7 @@ FrameSetRig::FrameSetRig(Device device, const FrameSetSize& size)
         std::vector<ImageView> views;
         for (int n = 0; n < kBackgroundImages; ++n) clip.push_back(background.image());
         for (const auto& image : clip) views.push_back(view(image));
-        segmenters_.push_back(make_segmenter(device, size.width, size.height, 3));
+        segmenters_.push_back(stages->segmenter(size.width, size.height, 3, {}));
         segmenters_.back()->set_camera(camera);
         segmenters_.back()->learn(views);
     }
@@ -153,14 +156,19 @@ StageTimes FrameSetRig::run() {
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
         const Silhouettes& s = silhouettes_[c];
         hull_views.push_back({&cameras_[c], s.loose.data(), s.bounds});
-        colouring_views.push_back(
-            {&cameras_[c], view(frame.images[c]), s.loose.data(), s.sharp.data(), s.bounds});
+        const ImageView image = view(frame.images[c]);
+        colouring_views.push_back({&cameras_[c], image, s.loose.data(), s.sharp.data(), s.bounds,
+                                   segmenters_[c]->image_on_device(image)});
     }
     out.segmentation_ms = clock.lap();
-    carver_->carve(hull_views, lattice_, volume_);
-    out.hull_ms = clock.lap();
     ColouringReport report;
-    colourer_->colour(colouring_views, volume_, report);
+    if (colourer_->carves_and_colours()) {
+        colourer_->carve_and_colour(*carver_, hull_views, lattice_, colouring_views, volume_, report);
+    } else {
+        carver_->carve(hull_views, lattice_, volume_);
+        out.hull_ms = clock.lap();
+        colourer_->colour(colouring_views, volume_, report);
+    }
     out.colouring_ms = clock.lap();
     return out;
 }

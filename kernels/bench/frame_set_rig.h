@@ -18,7 +18,9 @@ struct FrameSetSize {
 };
 
 struct StageTimes {
-    double segmentation_ms = 0, hull_ms = 0, colouring_ms = 0;
+    double segmentation_ms = 0;
+    double hull_ms = 0;       // 0 where the device carves and colours at once
+    double colouring_ms = 0;  // then with the hull
 };
 
 class FrameSetRig {

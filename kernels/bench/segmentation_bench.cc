@@ -7,6 +7,7 @@
 
 #include "kernels/bench/bench_device.h"
 #include "kernels/segmentation.h"
+#include "kernels/stages.h"
 #include "kernels/tests/segmentation_scene.h"
 
 #ifdef KINEVOX_HAVE_TBB
@@ -23,10 +24,11 @@ struct Rig {
     explicit Rig(int samples) : images(kCameras), segmenters(kCameras), out(kCameras) {
         SegmentationOptions options;
         options.samples = samples;
+        const auto stages = make_stage_factory(bench::device());
         for (int c = 0; c < kCameras; ++c) {
             testing::TestRoom room(kWidth, kHeight, 3, 5 + c);
             const auto clip = room.clip(std::max(samples, 8));
-            segmenters[c] = make_segmenter(bench::device(), kWidth, kHeight, 3, options);
+            segmenters[c] = stages->segmenter(kWidth, kHeight, 3, options);
             segmenters[c]->learn(testing::views_of(clip));
             for (int i = 0; i < kImages; ++i) {
                 images[c].push_back(room.image(1 + 0.01 * (i % 3)));

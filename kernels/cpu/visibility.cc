@@ -192,7 +192,7 @@ void finish_frame(float voxel_m, Rect px, double depth_sum_m, int seen, ViewOfVo
     const Projector& c = view.camera;
     const float voxel_px =
         seen ? std::max(c.fx, c.fy) * voxel_m / static_cast<float>(depth_sum_m / seen) : 1.f;
-    view.shift = std::clamp(static_cast<int>(std::floor(std::log2(std::max(voxel_px, 1.f) / 0.9f))), 0, 6);
+    view.shift = cell_shift(voxel_px);
     px.x0 = std::max(px.x0, 0), px.x1 = std::min(px.x1, c.width);
     px.y0 = std::max(px.y0, 0), px.y1 = std::min(px.y1, c.height);
     view.cells = {};

@@ -193,10 +193,10 @@ struct Components {
     }
 };
 
-// Finds the components of what is set, with diagonals, or of what is not, without. `seed`: rows as the
-// mask's, or null where every component counts as seeded.
-__device__ Components find_components(const BoxMask& mask, bool set, const Word* seed, const RunLists& room,
-                                      Scratch& scratch) {
+// Finds the components of what is set, with diagonals, or of what is not, without. Every
+// component counts as seeded where `seed` has no words.
+__device__ Components find_components(const BoxMask& mask, bool set, const ExpectedMask& seed,
+                                      const RunLists& room, Scratch& scratch) {
     const int rows = mask.box.rows(), gap = set ? 1 : 0, thread = static_cast<int>(threadIdx.x);
     for (int row = thread; row < rows; row += kMaskThreads) room.row_begin[row] = count_runs(mask, row, set);
     __syncthreads();
@@ -232,12 +232,10 @@ __device__ Components find_components(const BoxMask& mask, bool set, const Word*
         const int x0 = begin_of(lists.spans[run]), x1 = end_of(lists.spans[run]), root = lists.parent[run];
         atomicAdd(lists.area + root, x1 - x0);
         const bool border = row == 0 || row + 1 == rows || x0 == mask.x0() || x1 == mask.x1();
-        bool seeded = seed == nullptr;
-        if (seed)
+        bool seeded = seed.words == nullptr;
+        if (!seeded)
             for_each_word(x0, x1, [&](int k, Word pixels) {
-                seeded =
-                    seeded || (seed[static_cast<std::size_t>(mask.box.y0 + row) * mask.cells_per_row + k] &
-                               pixels) != 0;
+                seeded = seeded || (seed.at(mask.box.y0 + row, k) & pixels) != 0;
             });
         const int flags = (border ? kTouchesBorder : 0) | (seeded ? kTouchesSeed : 0);
         if (flags) atomicOr(lists.flags + root, flags);
@@ -248,7 +246,7 @@ __device__ Components find_components(const BoxMask& mask, bool set, const Word*
 
 // As cpu::remove_small_components(); returns the area of the largest component.
 __device__ int remove_small_components(const BoxMask& mask, int min_area, float min_fraction,
-                                       const Word* seed, const RunLists& room, Scratch& scratch) {
+                                       const ExpectedMask& seed, const RunLists& room, Scratch& scratch) {
     if (threadIdx.x == 0) scratch.largest = 0;
     const Components found = find_components(mask, true, seed, room, scratch);
     const RunLists& lists = found.lists;
@@ -272,7 +270,7 @@ __device__ int remove_small_components(const BoxMask& mask, int min_area, float 
 
 // As cpu::fill_holes().
 __device__ void fill_holes(const BoxMask& mask, int max_area, const RunLists& room, Scratch& scratch) {
-    const Components found = find_components(mask, false, nullptr, room, scratch);
+    const Components found = find_components(mask, false, {}, room, scratch);
     const RunLists& lists = found.lists;
     found.for_each(mask.box.rows(), [&](int run, int row) {
         const int root = lists.parent[run];
@@ -292,7 +290,7 @@ __global__ void __launch_bounds__(kMaskThreads) cleaning_kernel(const SegmentDat
     const BoxMask mask{blockIdx.x == 0 ? d.loose : d.sharp, d.width, d.cells_per_row, box};
     const RunLists& room = d.runs[blockIdx.x];
     const int largest = remove_small_components(mask, d.min_component_px, d.min_component_fraction,
-                                                d.tracked ? d.expected : nullptr, room, scratch);
+                                                d.tracked ? d.expected : ExpectedMask{}, room, scratch);
     if (blockIdx.x == 0 && threadIdx.x == 0) d.state->found = scratch.runs > 0;
     const int part = static_cast<int>(d.max_hole_fraction * static_cast<float>(largest));
     fill_holes(mask, max(part, d.max_hole_px), room, scratch);
@@ -367,8 +365,8 @@ __global__ void __launch_bounds__(kMaskThreads) result_kernel(const SegmentData*
     Measures own;
     own.x0 = d.width, own.y0 = d.height;
     if (!box.empty() && d.refine_border)
-        remove_small_components({d.refined, d.width, d.cells_per_row, box}, d.min_component_px / 3, 0,
-                                nullptr, d.runs[1], scratch);
+        remove_small_components({d.refined, d.width, d.cells_per_row, box}, d.min_component_px / 3, 0, {},
+                                d.runs[1], scratch);
     for (int n = static_cast<int>(threadIdx.x); n < box.rows() * box.columns(); n += kMaskThreads) {
         const int y = box.y0 + n / box.columns(), k = box.k0 + n % box.columns();
         const std::size_t cell = d.cell(y, k), to = d.result_cell(y, k);

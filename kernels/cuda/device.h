@@ -5,7 +5,9 @@
 #include <cuda_runtime.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <utility>
+#include <vector>
 
 namespace kinevox::kernels::cuda {
 
@@ -117,6 +119,89 @@ void fill_bytes(const Stream& stream, T* device, int value, std::size_t count) {
     KINEVOX_CUDA_CHECK(cudaMemsetAsync(device, value, count * sizeof(T), stream.get()));
 }
 
+// Pieces of different types that one copy brings to the device: clear(), reserve() each, place(), fill what
+// host() returns, upload(). Where they are on the device is stated by device(). The memory never shrinks.
+class PackedUpload {
+  public:
+    void clear() { bytes_ = 0; }
+    // Returns where the piece begins.
+    template <class T>
+    std::size_t reserve(std::size_t count) {
+        constexpr std::size_t kAligned = 16;
+        const std::size_t begin = bytes_;
+        bytes_ += (count * sizeof(T) + kAligned - 1) / kAligned * kAligned;
+        return begin;
+    }
+    // `more`: bytes behind the pieces, on the device alone. `spare`: bytes by which the pieces may grow later
+    // and still stay where they are.
+    void place(std::size_t more = 0, std::size_t spare = 0) {
+        host_.resize(bytes_ + spare);
+        device_.resize(bytes_ + spare + more);
+    }
+    template <class T>
+    T* host(std::size_t begin) const {
+        return reinterpret_cast<T*>(host_.data() + begin);
+    }
+    template <class T>
+    T* device(std::size_t begin) const {
+        return reinterpret_cast<T*>(device_.data() + begin);
+    }
+    std::size_t size() const { return bytes_; }
+    void upload(const Stream& stream) const { cuda::upload(stream, device_.data(), host_.data(), bytes_); }
+
+  private:
+    std::size_t bytes_ = 0;
+    PinnedBuffer<std::uint8_t> host_;
+    DeviceBuffer<std::uint8_t> device_;
+};
+
+// Kernels that are often queued with the same arguments, as one launch.
+class KernelGraph {
+  public:
+    KernelGraph() = default;
+    ~KernelGraph() { release(); }
+    KernelGraph(const KernelGraph&) = delete;
+    KernelGraph& operator=(const KernelGraph&) = delete;
+
+    // Queues what queue() does. `key`: all that the arguments depend on. To make a graph takes as long as to
+    // queue its kernels many times, so that one is made for the second call in a row with the same key.
+    template <class F>
+    void run(const Stream& stream, const std::vector<std::intptr_t>& key, const F& queue) {
+        if (key != key_) {
+            release();
+            key_ = key;
+            return queue();
+        }
+        if (!graph_) record(stream, queue);
+        KINEVOX_CUDA_CHECK(cudaGraphLaunch(graph_, stream.get()));
+    }
+
+  private:
+    template <class F>
+    void record(const Stream& stream, const F& queue) {
+        cudaGraph_t recorded = nullptr;
+        // Other threads may do as they like meanwhile.
+        KINEVOX_CUDA_CHECK(cudaStreamBeginCapture(stream.get(), cudaStreamCaptureModeThreadLocal));
+        try {
+            queue();
+        } catch (...) {
+            if (cudaStreamEndCapture(stream.get(), &recorded) == cudaSuccess) cudaGraphDestroy(recorded);
+            throw;
+        }
+        KINEVOX_CUDA_CHECK(cudaStreamEndCapture(stream.get(), &recorded));
+        const cudaError_t error = cudaGraphInstantiate(&graph_, recorded, 0);
+        cudaGraphDestroy(recorded);
+        KINEVOX_CUDA_CHECK(error);
+    }
+    void release() {
+        if (graph_) cudaGraphExecDestroy(graph_);
+        graph_ = nullptr;
+    }
+
+    std::vector<std::intptr_t> key_;
+    cudaGraphExec_t graph_ = nullptr;
+};
+
 inline constexpr int kThreads = 256;  // per block, where nothing asks for another number
 
 // Enough blocks of `threads` for `count` threads along x; `rows` along y (a view each, for instance).
@@ -124,14 +209,13 @@ inline dim3 blocks(std::size_t count, int rows = 1, int threads = kThreads) {
     return dim3(static_cast<unsigned>((count + threads - 1) / threads), static_cast<unsigned>(rows));
 }
 
-// out[n] = in[0] + .. + in[n - 1] for n in 0 .. count; `out` has one entry more than `in`; they may be the
-// same.
-void exclusive_scan(const Stream& stream, const int* in, int* out, int count);
-
 #ifdef __CUDACC__
-// This thread's place along x.
+// This thread's place along x, and the number of threads there.
 __device__ inline int thread_index() {
     return static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+}
+__device__ inline int thread_count() {
+    return static_cast<int>(gridDim.x * blockDim.x);
 }
 
 // The sum of the values of this lane and of those before it in the warp.

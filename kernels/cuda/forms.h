@@ -18,8 +18,11 @@ std::unique_ptr<HullCarver> make_hull_carver_cuda(const HullOptions& options);
 std::unique_ptr<VoxelColourer> make_voxel_colourer_cuda(const ColouringOptions& options);
 std::unique_ptr<BodySilhouetteRenderer> make_body_silhouette_renderer_cuda();
 std::unique_ptr<MomentCalculator> make_moment_calculator_cuda(const MomentOptions& options);
+std::shared_ptr<DeviceContext> make_device_context_cuda();
+// `context`: from make_device_context_cuda().
 std::unique_ptr<Segmenter> make_segmenter_cuda(int width, int height, int channels,
-                                               const SegmentationOptions& options);
+                                               const SegmentationOptions& options,
+                                               std::shared_ptr<DeviceContext> context);
 
 // Empty where a GPU can be used, else why not, without a full stop.
 std::string cuda_problem();

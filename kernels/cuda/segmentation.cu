@@ -1,14 +1,14 @@
 // Segmentation on the device, step for step as kernels/cpu/segmentation.cc, for all cameras of a frame set at
-// once: begin_frame() uploads an image, and the first decide() queues all steps of all cameras, waits once
-// and keeps the results for the others. The host learns the first model and keeps the subject's colours.
+// once: begin_frame() uploads an image, and the first decide() uploads what else is new of all cameras,
+// queues all steps, waits once and keeps the results for the others. The host learns the first model and
+// keeps the subject's colours.
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <functional>
 #include <memory>
-#include <mutex>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "kernels/cpu/foreground_colours.h"
@@ -19,6 +19,7 @@
 #include "kernels/cuda/forms.h"
 #include "kernels/cuda/segmentation_results.h"
 #include "kernels/cuda/segmentation_steps.h"
+#include "kernels/cuda/segmentation_upload.h"
 #include "kernels/floor_grid.h"
 #include "kernels/segmentation_memory.h"
 #include "kernels/shared/faint_weights.h"
@@ -34,20 +35,16 @@ constexpr float kSmoothing_px = 1.0f;
 constexpr float kColourMemory = 0.9f;
 constexpr float kSureEvidence = 3.0f;
 
-// All segmenters queue their work on one stream: what the cameras of a frame set look up of each other is
-// then there without an event or a wait.
-std::shared_ptr<Stream> shared_stream() {
-    static std::mutex mutex;
-    static std::weak_ptr<Stream> kept;
-    const std::lock_guard lock(mutex);
-    std::shared_ptr<Stream> stream = kept.lock();
-    if (!stream) kept = stream = std::make_shared<Stream>();
-    return stream;
-}
+// What the cameras of a frame set look up of each other is there without an event or a wait, since all of
+// them queue their work on one stream.
+struct CudaContext final : DeviceContext {
+    Stream stream;
+};
 
 class CudaSegmenter final : public RewindableSegmenter {
   public:
-    CudaSegmenter(int width, int height, int channels, const SegmentationOptions& options);
+    CudaSegmenter(int width, int height, int channels, const SegmentationOptions& options,
+                  std::shared_ptr<CudaContext> context);
     ~CudaSegmenter() override;
     void learn(std::span<const ImageView> empty_scene) override;
     bool learned() const override { return learned_; }
@@ -59,6 +56,11 @@ class CudaSegmenter final : public RewindableSegmenter {
     void decide_together(std::span<const FrameDecision> cameras) override;
     void decide(std::span<const Segmenter* const> others, Silhouettes& out) override;
     void end_frame(const Silhouettes& out) override;
+    const std::uint8_t* image_on_device(const ImageView& image) const override {
+        const bool same = image.data == on_device_.data && image.width == on_device_.width &&
+                          image.height == on_device_.height && image.channels == on_device_.channels;
+        return same && image.data && !upload_in_flight_ ? image_.data() : nullptr;
+    }
     const kde::SceneView* scene() const override { return has_camera() ? &scene_ : nullptr; }
 
   private:
@@ -79,8 +81,8 @@ class CudaSegmenter final : public RewindableSegmenter {
         PinnedBuffer<typename From::value_type> pinned;
         pinned.resize(from.size());
         std::copy(from.begin(), from.end(), pinned.data());
-        upload(*stream_, buffer, pinned);
-        stream_->wait();
+        upload(stream_, buffer, pinned);
+        stream_.wait();
         return buffer.data();
     }
     bool has_camera() const { return data_.has_camera; }
@@ -92,14 +94,14 @@ class CudaSegmenter final : public RewindableSegmenter {
     void place_frame();
     void place_scene();
     void upload_image(const ImageView& image);
-    void upload_frame(const ImageView& image, const SegmentationPrior& prior);
     CudaSegmenter* usable(const Segmenter* other) const;
-    void upload_cameras(std::span<CudaSegmenter* const> cameras);
+    FrameSet upload_cameras(std::span<CudaSegmenter* const> cameras);
     void decide_all(const std::vector<Member>& members, bool update);
     void prepare(const Member& member, std::span<CudaSegmenter* const> cameras);
 
     SegmentationOptions options_;
-    const std::shared_ptr<Stream> stream_;
+    const std::shared_ptr<CudaContext> context_;
+    const Stream& stream_;
     SegmentData data_{};
     kde::SceneView scene_;  // with what does not change; the device has the whole one
     bool learned_ = false, keep_learned_ = false;
@@ -107,6 +109,7 @@ class CudaSegmenter final : public RewindableSegmenter {
     cpu::BackgroundModel learned_model_;  // empty unless it is kept
     cpu::ForegroundColours colours_;
     std::vector<float> log_foreground_;
+    ExpectedUpload expected_;
     std::vector<std::int32_t> counts_;
     Step step_ = Step::kNone;
     // Whether the device may still read these pieces of pinned memory.
@@ -121,21 +124,20 @@ class CudaSegmenter final : public RewindableSegmenter {
     DeviceBuffer<Word> masks_;
     DeviceBuffer<std::int8_t> votes_;
     DeviceBuffer<std::uint16_t> faint_;
-    DeviceBuffer<int> cells_, tiles_, changed_, added_, run_lists_;
+    DeviceBuffer<int> cells_, group_spans_, tiles_, changed_, added_, run_lists_;
     DeviceBuffer<CameraState> state_;
     DeviceBuffer<kde::SceneView> device_scene_;
-    // What is uploaded with a frame: image, log density of colours, expected silhouette.
-    DeviceBuffer<std::uint8_t> upload_;
-    PinnedBuffer<std::uint8_t> host_upload_;
-    std::size_t colours_at_ = 0, expected_at_ = 0;
+    ImageView on_device_;  // the host's image that `image_` has; no data: none
+    DeviceBuffer<std::uint8_t> image_;
+    PinnedBuffer<std::uint8_t> host_image_;
     // Of a whole frame set, where this segmenter is its first one.
-    PinnedBuffer<SegmentData> host_cameras_;
-    DeviceBuffer<SegmentData> cameras_;
+    FrameUpload frame_upload_;
     ResultMemory result_memory_;
 };
 
-CudaSegmenter::CudaSegmenter(int width, int height, int channels, const SegmentationOptions& options)
-    : options_(options), stream_(shared_stream()), colours_(channels) {
+CudaSegmenter::CudaSegmenter(int width, int height, int channels, const SegmentationOptions& options,
+                             std::shared_ptr<CudaContext> context)
+    : options_(options), context_(std::move(context)), stream_(context_->stream), colours_(channels) {
     data_.width = width, data_.height = height, data_.channels = channels;
     data_.cells_per_row = (width + kCellPixels - 1) / kCellPixels;
     set_options();
@@ -153,7 +155,7 @@ CudaSegmenter::CudaSegmenter(int width, int height, int channels, const Segmenta
 
 // Others may have queued work that reads this segmenter's memory.
 CudaSegmenter::~CudaSegmenter() {
-    cudaStreamSynchronize(stream_->get());
+    cudaStreamSynchronize(stream_.get());
 }
 
 void CudaSegmenter::set_options() {
@@ -190,7 +192,7 @@ void CudaSegmenter::learn(std::span<const ImageView> empty_scene) {
         throw std::invalid_argument("segmentation: the background needs at least one image");
     for (const ImageView& image : empty_scene)
         cpu::check_image(image, data_.width, data_.height, data_.channels);
-    stream_->wait();
+    stream_.wait();
     cpu::BackgroundModel model =
         cpu::learn_background(empty_scene, data_.width, data_.height, data_.channels, options_);
     begin(model);
@@ -201,7 +203,7 @@ void CudaSegmenter::forget_frames() {
     if (!learned_ || !keep_learned_)
         throw std::logic_error(
             "segmentation: no learned background was kept; call keep_learned() before learn()");
-    stream_->wait();
+    stream_.wait();
     begin(learned_model_);
 }
 
@@ -226,8 +228,8 @@ void CudaSegmenter::place_planes() {
     constexpr int kZero = 9, kLimit = 3;
     const std::size_t plane = data_.plane_size();
     float* next = place(planes_, (kZero + kLimit) * plane);
-    fill_bytes(*stream_, next, 0, kZero * plane);
-    queue_fill(*stream_, next + kZero * plane, -data_.parameters.limit, kLimit * plane);
+    fill_bytes(stream_, next, 0, kZero * plane);
+    queue_fill(stream_, next + kZero * plane, -data_.parameters.limit, kLimit * plane);
     for (float** of : {&data_.weighted_value, &data_.weighted_energy, &data_.product, &data_.energy,
                        &data_.square, &data_.factor, &data_.residual, &data_.neighbourhood, &data_.misfit,
                        &data_.evidence, &data_.voted, &data_.smoothed}) {
@@ -235,7 +237,7 @@ void CudaSegmenter::place_planes() {
         next += plane;
     }
     data_.active = place(active_, cells());
-    fill_bytes(*stream_, data_.active, 0, cells());
+    fill_bytes(stream_, data_.active, 0, cells());
 }
 
 void CudaSegmenter::place_frame() {
@@ -243,9 +245,10 @@ void CudaSegmenter::place_frame() {
     data_.density = place(density_, cells() * kCellPixels);
     data_.candidates = place(candidates_, cells());
     data_.cells = place(cells_, cells());
+    data_.group_spans = place(group_spans_, static_cast<std::size_t>(2) * data_.height);
     const auto tiles = static_cast<std::size_t>(data_.tiles());
     data_.near = place(near_, tiles);
-    fill_bytes(*stream_, data_.near, 0, tiles);
+    fill_bytes(stream_, data_.near, 0, tiles);
     int* lists_of_tiles = place(tiles_, 2 * tiles);
     data_.near_tiles = lists_of_tiles, data_.active_tiles = lists_of_tiles + tiles;
     Word* masks = place(masks_, 3 * cells());
@@ -261,13 +264,9 @@ void CudaSegmenter::place_frame() {
     data_.added = place(added_, blocks);
     data_.support = place(support_, static_cast<std::size_t>(data_.support_columns()) * data_.support_rows());
     data_.colour_bins = colours_.bins();
-    colours_at_ = (pixels() * data_.channels + 15) / 16 * 16;
-    expected_at_ = colours_at_ + colours_.bins() * sizeof(float);
-    const std::size_t bytes = expected_at_ + cells() * sizeof(Word);
-    host_upload_.resize(bytes);
-    std::uint8_t* uploaded = place(upload_, bytes);
-    data_.image = uploaded;
-    data_.log_foreground = reinterpret_cast<const float*>(uploaded + colours_at_);
+    host_image_.resize(pixels() * data_.channels);
+    data_.image = place(image_, host_image_.size());
+    on_device_ = {};
     place_scene();
 }
 
@@ -286,7 +285,7 @@ void CudaSegmenter::place_scene() {
 }
 
 void CudaSegmenter::set_camera(const CameraModel& camera) {
-    stream_->wait();
+    stream_.wait();
     data_.camera = make_projector(camera, "segmentation");
     const FloorDirections directions = floor_directions(camera);
     data_.floor.directions = keep(floor_directions_, directions.xy);
@@ -305,41 +304,17 @@ void CudaSegmenter::upload_image(const ImageView& image) {
     const int rows = static_cast<int>(std::max<std::size_t>(1, kPiece / row_bytes));
     for (int y = 0; y < data_.height; y += rows) {
         const int end = std::min(y + rows, data_.height);
-        cpu::copy_rows(image, y, end, host_upload_.data());
-        upload(*stream_, upload_.data() + y * row_bytes, host_upload_.data() + y * row_bytes,
+        cpu::copy_rows(image, y, end, host_image_.data());
+        upload(stream_, image_.data() + y * row_bytes, host_image_.data() + y * row_bytes,
                (end - y) * row_bytes);
     }
-}
-
-// The image, the log density of colours and the expected silhouette as bits; the latter two are worked out
-// while the image is copied.
-void CudaSegmenter::upload_frame(const ImageView& image, const SegmentationPrior& prior) {
-    std::size_t end = expected_at_;
-    data_.expected = nullptr;
-    std::vector<std::function<void()>> tasks;
-    tasks.emplace_back([&] { upload_image(image); });
-    tasks.emplace_back([&] {
-        colours_.log_density(options_.colour_memory_weight, log_foreground_);
-        std::memcpy(host_upload_.data() + colours_at_, log_foreground_.data(),
-                    log_foreground_.size() * sizeof(float));
-    });
-    if (prior.expected && data_.tracked) {
-        data_.expected = reinterpret_cast<const Word*>(upload_.data() + expected_at_);
-        end += cells() * sizeof(Word);
-        tasks.emplace_back([&] {
-            cpu::pack_mask(prior.expected, data_.width, data_.height,
-                           reinterpret_cast<Word*>(host_upload_.data() + expected_at_));
-        });
-    }
-    cpu::run_all(tasks);
-    upload(*stream_, upload_.data() + colours_at_, host_upload_.data() + colours_at_, end - colours_at_);
 }
 
 // Uploads the image, and has no other part in the work on it, so that the cameras' threads do not meet.
 void CudaSegmenter::begin_frame(const ImageView& image, const SegmentationPrior& prior) {
     if (!learned_) throw std::logic_error("segmentation: learn() the background before segmenting");
     cpu::check_image(image, data_.width, data_.height, data_.channels);
-    if (upload_in_flight_) stream_->wait();
+    if (upload_in_flight_) stream_.wait();
     data_.tracked = !prior.region.empty();
     searched_ = {0, 0, data_.width, data_.height};
     if (!prior.full_pass && data_.tracked) {
@@ -353,7 +328,14 @@ void CudaSegmenter::begin_frame(const ImageView& image, const SegmentationPrior&
     searched_ = {data_.work.k0 * kCellPixels, data_.work.y0,
                  std::min(data_.work.k1 * kCellPixels, data_.width), data_.work.y1};
     upload_in_flight_ = true;
-    upload_frame(image, prior);
+    on_device_ = image;
+    expected_.clear();
+    std::vector<std::function<void()>> tasks;  // the others are worked out while the image is copied
+    tasks.emplace_back([&] { upload_image(image); });
+    tasks.emplace_back([&] { colours_.log_density(options_.colour_memory_weight, log_foreground_); });
+    if (prior.expected && data_.tracked)
+        tasks.emplace_back([&] { expected_.pack(prior.expected, data_.width, data_.height); });
+    cpu::run_all(tasks);
     step_ = Step::kBegun;
 }
 
@@ -362,6 +344,8 @@ CudaSegmenter* CudaSegmenter::usable(const Segmenter* other) const {
     auto* const segmenter = const_cast<CudaSegmenter*>(dynamic_cast<const CudaSegmenter*>(other));
     const bool is = segmenter && segmenter != this && has_camera() && segmenter->has_camera() &&
                     segmenter->data_.channels == data_.channels && segmenter->step_ != Step::kNone;
+    if (is && segmenter->context_ != context_)
+        throw std::logic_error("segmentation: the cameras of a frame set need one device context");
     return is ? segmenter : nullptr;
 }
 
@@ -377,15 +361,14 @@ void CudaSegmenter::prepare(const Member& member, std::span<CudaSegmenter* const
     data_.update = cpu::update_parameters(options_, frame_ / data_.interval);
 }
 
-void CudaSegmenter::upload_cameras(std::span<CudaSegmenter* const> cameras) {
-    if (cameras_in_flight_) stream_->wait();  // end_frame() after decide() alone
-    host_cameras_.resize(cameras.size());
-    for (std::size_t n = 0; n < cameras.size(); ++n) {
-        host_cameras_[n] = cameras[n]->data_;
-        host_cameras_[n].look = cameras[n]->step_ == Step::kBegun;
-    }
+FrameSet CudaSegmenter::upload_cameras(std::span<CudaSegmenter* const> cameras) {
+    if (cameras_in_flight_) stream_.wait();  // end_frame() after decide() alone
+    std::vector<CameraUpload> uploads;
+    for (const CudaSegmenter* camera : cameras)
+        uploads.push_back(
+            {&camera->data_, camera->step_ == Step::kBegun, camera->log_foreground_, &camera->expected_});
     cameras_in_flight_ = true;
-    upload(*stream_, cameras_, host_cameras_);
+    return frame_upload_.upload(stream_, uploads);
 }
 
 // All steps of the members, which this segmenter is the first of. Waits once.
@@ -403,27 +386,26 @@ void CudaSegmenter::decide_all(const std::vector<Member>& members, bool update) 
     }
     const std::vector<FrameResults> results = result_memory_.place(deciding);
     for (int n = 0; n < count; ++n) members[n].segmenter->results_ = results[n];
-    upload_cameras(cameras);
-    const FrameSet set{{host_cameras_.data(), host_cameras_.size()}, cameras_.data(), data_.channels};
+    const FrameSet set = upload_cameras(cameras);
     if (std::any_of(cameras.begin(), cameras.end(),
                     [](const CudaSegmenter* camera) { return camera->step_ == Step::kBegun; })) {
-        queue_density(*stream_, set);
-        queue_evidence(*stream_, set);
+        queue_density(stream_, set);
+        queue_evidence(stream_, set);
     }
-    result_memory_.queue_clear(*stream_);
-    queue_shadows(*stream_, set, count);
-    queue_decisions(*stream_, set, count);
-    queue_cleaning(*stream_, set, count);
-    queue_border(*stream_, set, count);
-    queue_results(*stream_, set, count);
-    result_memory_.queue_download(*stream_);
-    stream_->wait();
+    result_memory_.queue_clear(stream_);
+    queue_shadows(stream_, set, count);
+    queue_decisions(stream_, set, count);
+    queue_cleaning(stream_, set, count);
+    queue_border(stream_, set, count);
+    queue_results(stream_, set, count);
+    result_memory_.queue_download(stream_);
+    stream_.wait();
     cameras_in_flight_ = false;
     for (CudaSegmenter* camera : cameras) {
         camera->upload_in_flight_ = false;
         if (camera->step_ == Step::kBegun) camera->step_ = Step::kLooked;
     }
-    if (update) queue_update(*stream_, set, count);
+    if (update) queue_update(stream_, set, count);
     for (const Member& member : members) member.segmenter->step_ = update ? Step::kUpdated : Step::kDecided;
 }
 
@@ -431,7 +413,8 @@ void CudaSegmenter::decide_together(std::span<const FrameDecision> cameras) {
     std::vector<Member> members;
     for (const FrameDecision& camera : cameras) {
         auto* const segmenter = dynamic_cast<CudaSegmenter*>(camera.segmenter);
-        if (!segmenter || segmenter->step_ != Step::kBegun || segmenter->data_.channels != data_.channels)
+        if (!segmenter || segmenter->step_ != Step::kBegun || segmenter->context_ != context_ ||
+            segmenter->data_.channels != data_.channels)
             return;  // each decides alone
         members.push_back({segmenter, {}});
         for (const Segmenter* other : camera.others)
@@ -462,8 +445,7 @@ void CudaSegmenter::decide(std::span<const Segmenter* const> others, Silhouettes
 void CudaSegmenter::end_frame(const Silhouettes&) {
     if (step_ == Step::kDecided && data_.interval > 0) {
         CudaSegmenter* const own[] = {this};
-        upload_cameras(own);
-        queue_update(*stream_, {{host_cameras_.data(), 1}, cameras_.data(), data_.channels}, 1);
+        queue_update(stream_, upload_cameras(own), 1);
     }
     step_ = Step::kNone;
     ++frame_;
@@ -472,10 +454,18 @@ void CudaSegmenter::end_frame(const Silhouettes&) {
 }  // namespace
 }  // namespace cuda
 
-std::unique_ptr<Segmenter> make_segmenter_cuda(int width, int height, int channels,
-                                               const SegmentationOptions& options) {
+std::shared_ptr<DeviceContext> make_device_context_cuda() {
     cuda::require_gpu("segmentation");
-    return std::make_unique<cuda::CudaSegmenter>(width, height, channels, options);
+    return std::make_shared<cuda::CudaContext>();
+}
+
+std::unique_ptr<Segmenter> make_segmenter_cuda(int width, int height, int channels,
+                                               const SegmentationOptions& options,
+                                               std::shared_ptr<DeviceContext> context) {
+    cuda::require_gpu("segmentation");
+    auto own = std::dynamic_pointer_cast<cuda::CudaContext>(std::move(context));
+    if (!own) throw std::invalid_argument("segmentation: the context is not a GPU's");
+    return std::make_unique<cuda::CudaSegmenter>(width, height, channels, options, std::move(own));
 }
 
 }  // namespace kinevox::kernels

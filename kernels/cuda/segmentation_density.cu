@@ -12,7 +12,8 @@ using kde::kCellPixels;
 
 constexpr int kGainThreads = kMedianThreads, kGainBins = kMedianThreads;  // a thread a bin
 constexpr int kClearingBlocks = 8;
-constexpr int kWarps = kThreads / 32;  // of a block of kThreads
+constexpr int kGroups = kCellPixels / kde::kGroupPixels;  // of a cell
+constexpr int kWarps = kThreads / 32;                     // of a block of kThreads
 
 // As cpu::estimate_gain(): the values and references of a grid of the image's pixels.
 struct GainGrid {
@@ -90,6 +91,8 @@ __global__ void __launch_bounds__(kGainThreads) begin_kernel(const SegmentData* 
     const int blocks = d.vote_columns() * d.vote_rows(), words = d.height * d.cells_per_row;
     for (int i = (block - 3) * kGainThreads + n; i < words; i += kClearingBlocks * kGainThreads)
         d.sharp[i] = d.loose[i] = 0;
+    for (int i = (block - 3) * kGainThreads + n; i < d.height; i += kClearingBlocks * kGainThreads)
+        d.group_spans[2 * i] = d.cells_per_row * kGroups, d.group_spans[2 * i + 1] = 0;
     for (int i = (block - 3) * kGainThreads + n; i < blocks; i += kClearingBlocks * kGainThreads) {
         d.votes[i] = static_cast<std::int8_t>(-kde::kMaxVote);
         d.changed[i] = 0;
@@ -236,6 +239,8 @@ __global__ void active_kernel(const SegmentData* __restrict__ cameras) {
         d.active[n] = static_cast<std::uint8_t>(groups);
         if (groups | before) place = atomicAdd(&listed, 1);
         if (groups) {
+            atomicMin(d.group_spans + 2 * y, k * kGroups + __ffs(groups) - 1);
+            atomicMax(d.group_spans + 2 * y + 1, k * kGroups + 32 - __clz(groups));
             atomicMin(box, y);
             atomicMax(box + 1, y + 1);
             atomicMin(box + 2, k);
@@ -352,13 +357,12 @@ __global__ void light_kernel(const SegmentData* __restrict__ cameras) {
     }
 }
 
-// Whether a mask of whole rows has a pixel within kMargin of (x, y) in its row; 0 beside [k0, k1).
+// Whether a row, of which word(k) is a cell, has a pixel within kMargin of x.
 constexpr int kMargin = 3;
-__device__ bool any_near(const SegmentData& d, const Word* mask, int k0, int k1, int x, int y) {
-    for (int near = max(x - kMargin, 0); near <= min(x + kMargin, d.width - 1); ++near) {
-        const int k = near / kCellPixels;
-        if (k >= k0 && k < k1 && mask[d.cell(y, k)] >> near % kCellPixels & 1) return true;
-    }
+template <class F>
+__device__ bool any_near(const SegmentData& d, int x, const F& word) {
+    for (int near = max(x - kMargin, 0); near <= min(x + kMargin, d.width - 1); ++near)
+        if (word(near / kCellPixels) >> near % kCellPixels & 1) return true;
     return false;
 }
 
@@ -367,8 +371,9 @@ __device__ bool kept_out(const SegmentData& d, int x, int y) {
     const CellRange& box = d.state->box;
     for (int dy = -kMargin; dy <= kMargin; dy += kMargin) {
         const int row = min(max(y + dy, 0), d.height - 1);
-        if (row >= box.y0 && row < box.y1 && any_near(d, d.loose, box.k0, box.k1, x, row)) return true;
-        if (d.expected && any_near(d, d.expected, 0, d.cells_per_row, x, row)) return true;
+        const auto loose = [&](int k) { return box.holds(row, k) ? d.loose[d.cell(row, k)] : Word{0}; };
+        const auto expected = [&](int k) { return d.expected.at(row, k); };
+        if (any_near(d, x, loose) || (d.expected.words && any_near(d, x, expected))) return true;
     }
     return false;
 }

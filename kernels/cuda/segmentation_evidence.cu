@@ -142,7 +142,7 @@ __global__ void __launch_bounds__(kTileThreads) evidence_kernel(const SegmentDat
 }
 
 // Smooths a tile's evidence, with the votes where they are taken over, and decides its pixels in the active
-// box.
+// box, of each row those from its first active group to its last one.
 __device__ void decide_tile(const SegmentData& d, const Tile& tile, const CellRange& box, bool voted) {
     constexpr int kRadius = 2, kRows = kTileRows + 2 * kRadius, kColumns = kCellPixels + 2 * kRadius;
     __shared__ float evidence[kRows][kColumns];
@@ -165,17 +165,20 @@ __device__ void decide_tile(const SegmentData& d, const Tile& tile, const CellRa
     }
     __syncthreads();
     const int x = tile.x(), y = tile.y();
-    const bool inside = box.holds(y, tile.k);
+    const int group = x / kde::kGroupPixels;
+    const bool inside =
+        box.holds(y, tile.k) && group >= d.group_spans[2 * y] && group < d.group_spans[2 * y + 1];
     const float* a = across[tile.row] + tile.lane;
     const float smoothed = w0 * (a[0] + a[4]) + w1 * (a[1] + a[3]) + w2 * a[2];
     const unsigned sharp = __ballot_sync(0xffffffffu, inside && x < d.width && smoothed > d.sharp_from);
     const unsigned loose = __ballot_sync(0xffffffffu, inside && x < d.width && smoothed > d.loose_from);
-    if (!inside) return;
-    d.smoothed[d.at(y, x)] = smoothed;
-    const int step = static_cast<int>(smoothed * (127.5f / d.parameters.limit) + 127.5f);
-    d.result_probability[d.result_cell(y, tile.k) * kCellPixels + tile.lane] =
-        d.probability_of[min(max(step, 0), 255)];
-    if (tile.lane % 32 != 0) return;
+    if (inside) {
+        d.smoothed[d.at(y, x)] = smoothed;
+        const int step = static_cast<int>(smoothed * (127.5f / d.parameters.limit) + 127.5f);
+        d.result_probability[d.result_cell(y, tile.k) * kCellPixels + tile.lane] =
+            d.probability_of[min(max(step, 0), 255)];
+    }
+    if (tile.lane % 32 != 0 || !box.holds(y, tile.k)) return;
     const std::size_t half = 2 * d.cell(y, tile.k) + tile.lane / 32;
     reinterpret_cast<unsigned*>(d.sharp)[half] = sharp;
     reinterpret_cast<unsigned*>(d.loose)[half] = loose;

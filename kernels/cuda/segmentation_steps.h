@@ -58,6 +58,16 @@ struct CameraResult {
     Word sums[3];   // of `sharp`: pixels, x, y
 };
 
+// The expected silhouette: only the cells around it, row by row; no words: nothing is expected.
+struct ExpectedMask {
+    const Word* words;
+    CellRange box;
+    __host__ __device__ Word at(int y, int k) const {
+        return box.holds(y, k) ? words[static_cast<std::size_t>(y - box.y0) * box.columns() + (k - box.k0)]
+                               : 0;
+    }
+};
+
 // Runs of a mask and their components, see components.cu; room for the worst mask.
 struct RunLists {
     int* row_begin;  // height + 1
@@ -75,6 +85,7 @@ struct SegmentData {
     std::uint8_t *values, *density;     // of this image, as BackgroundModel's planes
     std::uint8_t *candidates, *active;  // per cell, its groups (kde_evidence.h) near unsure pixels and those
                                         // looked at; `active` holds the last frame's before
+    int* group_spans;                   // per row, its first active group, and one more than its last
     int* cells;                         // those that are active, or were in the last frame
     std::uint8_t* near;                 // per tile, whether its smoothed evidence is not neutral
     int *near_tiles, *active_tiles;  // those near an active cell, or not neutral; those with an active cell
@@ -83,8 +94,8 @@ struct SegmentData {
     const float *log_lit, *log_foreground;
     const float* log_scale;  // cpu::log_scales()
     const std::uint8_t* probability_of;
-    const Word* expected;           // cells_per_row words a row, or null
-    Word *sharp, *loose, *refined;  // the same; valid in the active box
+    ExpectedMask expected;
+    Word *sharp, *loose, *refined;  // cells_per_row words a row; valid in the active box
     RunLists runs[2];               // of `loose` and of `sharp`
     CameraState* state;
     kde::SceneView* scene;  // what the other cameras look up

@@ -1,75 +1,79 @@
-#include "kernels/cuda/surrounded.h"
+// Fills holes, as kernels/cpu/surrounded.cc.
+#include "kernels/cuda/bricks.cuh"
+#include "kernels/cuda/volume.h"
 #include "kernels/shared/surrounded.h"
 
 namespace kinevox::kernels::cuda {
 namespace {
 
-constexpr int kWords = kBrickVoxels / 32;  // of a brick's occupancy
-
-// `around`: the brick and the 26 around it, x fastest; (x, y, z) from the brick's first voxel, each -8 .. 15.
-__device__ bool occupied(const std::uint64_t (*around)[kBrickEdge], int x, int y, int z) {
-    x += kBrickEdge, y += kBrickEdge, z += kBrickEdge;
-    const int brick = (z / kBrickEdge * 3 + y / kBrickEdge) * 3 + x / kBrickEdge;
-    return around[brick][z % kBrickEdge] >> (y % kBrickEdge * kBrickEdge + x % kBrickEdge) & 1;
+// Where the voxels of a row have one within `steps` steps of `step` on both sides; in the bits of the row.
+__device__ std::uint32_t between(const BrickRows& rows, int z, int y, const int* step, int steps) {
+    std::uint32_t before = 0, after = 0;
+    for (int s = 1; s <= steps; ++s) {
+        const int shift = s * step[0];
+        after |= rows[z + s * step[2]][y + s * step[1]] >> shift;
+        before |= rows[z - s * step[2]][y - s * step[1]] << shift;
+    }
+    return before & after;
 }
 
-__device__ bool surrounded(const std::uint64_t (*around)[kBrickEdge], int bit, int radius, int min_lines) {
-    const int x = bit & 7, y = bit >> 3 & 7, z = bit >> 6;
-    int lines = 0;
+// The empty voxels of a row of the brick that lie between others along at least `min_lines` lines.
+__device__ std::uint32_t surrounded(const BrickRows& rows, int z, int y, int radius, int min_lines) {
+    const std::uint32_t empty = ~rows[z][y] & 0xff00u;
+    if (empty == 0) return 0;
+    std::uint32_t ones = 0, twos = 0, fours = 0;  // how many lines, a word a binary digit
     for (int n = 0; n < kFillLines; ++n) {
         int step[3];
         fill_line(n, step);
-        const int steps = fill_steps(n, radius);
-        bool before = false, after = false;
-        for (int s = 1; s <= steps; ++s) {
-            before = before || occupied(around, x - s * step[0], y - s * step[1], z - s * step[2]);
-            after = after || occupied(around, x + s * step[0], y + s * step[1], z + s * step[2]);
-        }
-        lines += before && after;
+        const std::uint32_t line = between(rows, z, y, step, fill_steps(n, radius)), carry = ones & line;
+        ones ^= line;
+        fours |= twos & carry;
+        twos ^= carry;
     }
-    return lines >= min_lines;
+    std::uint32_t enough = 0;
+    for (int count = min_lines; count <= kFillLines; ++count)
+        enough |= (count & 1 ? ones : ~ones) & (count & 2 ? twos : ~twos) & (count & 4 ? fours : ~fours);
+    return (enough & empty) >> kBrickEdge;
 }
 
-// One block a brick, one thread a voxel; fill: 16 words a brick. Bricks without a voxel are left so.
-__global__ void find_surrounded(const Brick* bricks, BrickTable table, int radius, int min_lines,
-                                std::uint32_t* fill) {
+// One block a brick, a thread a row of it. Bricks without a voxel are left so.
+__global__ void __launch_bounds__(kBrickThreads)
+    fill_bricks(const VolumeJob* __restrict__ job, int now, int radius, int min_lines, bool counts) {
     __shared__ std::uint64_t around[27][kBrickEdge];
-    const Brick& centre = bricks[blockIdx.x];
-    const int bit = threadIdx.x;
-    if (bit < 27 * kBrickEdge) {
-        const int n = bit / kBrickEdge;
-        const int found =
-            table.index[table.at(centre.x + n % 3 - 1, centre.y + n / 3 % 3 - 1, centre.z + n / 9 - 1)];
-        around[n][bit % kBrickEdge] = found < 0 ? 0 : bricks[found].occupancy[bit % kBrickEdge];
+    __shared__ BrickRows rows;
+    __shared__ int filled;
+    const int thread = static_cast<int>(threadIdx.x), bricks = job->state->bricks;
+    const int y = thread % kBrickEdge, k = thread / kBrickEdge;
+    for (int n = static_cast<int>(blockIdx.x); n < bricks; n += static_cast<int>(gridDim.x)) {
+        __syncthreads();  // all have read what the brick before left
+        if (thread == 0) filled = 0;
+        load_around(*job, job->occupancy[now], n, true, around);
+        __syncthreads();
+        make_rows(around, rows);
+        const bool any = __syncthreads_or(thread < kBrickEdge && around[kCentre][thread % kBrickEdge] != 0);
+        if (k < kBrickEdge) {
+            std::uint32_t row = rows[kBrickEdge + k][kBrickEdge + y] >> kBrickEdge & 255;
+            if (any) {
+                const std::uint32_t more =
+                    surrounded(rows, kBrickEdge + k, kBrickEdge + y, radius, min_lines);
+                if (counts && more != 0) atomicAdd(&filled, __popc(more));
+                row |= more;
+            }
+            reinterpret_cast<std::uint8_t*>(job->occupancy[1 - now] +
+                                            static_cast<std::size_t>(n) * kBrickEdge)[thread] =
+                static_cast<std::uint8_t>(row);
+        }
+        __syncthreads();
+        if (thread == 0 && filled > 0)
+            atomicAdd(&job->state->filled, static_cast<unsigned long long>(filled));
     }
-    __syncthreads();
-    std::uint64_t any = 0;
-    for (int k = 0; k < kBrickEdge; ++k) any |= centre.occupancy[k];
-    const bool empty = !occupied(around, bit & 7, bit >> 3 & 7, bit >> 6);
-    const unsigned word =
-        __ballot_sync(0xffffffffu, any != 0 && empty && surrounded(around, bit, radius, min_lines));
-    if (bit % 32 == 0) fill[blockIdx.x * kWords + bit / 32] = word;
-}
-
-// A thread a word of 32 voxels.
-__global__ void set_filled(Brick* bricks, int count, const std::uint32_t* fill, unsigned long long* filled) {
-    const int n = thread_index();
-    if (n >= count * kWords || fill[n] == 0) return;
-    reinterpret_cast<std::uint32_t*>(bricks[n / kWords].occupancy)[n % kWords] |= fill[n];
-    atomicAdd(filled, static_cast<unsigned long long>(__popc(fill[n])));
 }
 
 }  // namespace
 
-void fill_surrounded(const Stream& stream, const DeviceVolume& volume, int radius, int min_lines,
-                     DeviceBuffer<std::uint32_t>& fill, unsigned long long* filled) {
-    const int bricks = volume.brick_count();
-    if (bricks == 0) return;
-    fill.resize(static_cast<std::size_t>(bricks) * kWords);
-    find_surrounded<<<bricks, kBrickVoxels, 0, stream.get()>>>(volume.bricks(), volume.table(), radius,
-                                                               min_lines, fill.data());
-    set_filled<<<blocks(fill.size()), kThreads, 0, stream.get()>>>(volume.bricks(), bricks, fill.data(),
-                                                                   filled);
+void queue_filling(const Stream& stream, const VolumeJob* job, const VolumeBlocks& blocks, int now,
+                   int radius, int min_lines, bool counts) {
+    fill_bricks<<<blocks.bricks, kBrickThreads, 0, stream.get()>>>(job, now, radius, min_lines, counts);
     KINEVOX_CUDA_CHECK(cudaGetLastError());
 }
 

@@ -66,9 +66,17 @@ KINEVOX_HD inline int splat_radius(const Projector& camera, int shift, float nea
     if (nearest_m == kFar_m) return 0;
     const float cell_px = static_cast<float>(1 << shift);
     const float focal = camera.fx > camera.fy ? camera.fx : camera.fy;
-    constexpr float kHalf = 0.5f;  // nothing is negative here
-    const int radius = static_cast<int>(focal * 0.71f * voxel_m / nearest_m / cell_px + kHalf);
-    return radius < 64 ? radius : 64;
+    const float cells = focal * 0.71f * voxel_m / nearest_m / cell_px + 0.5f;
+    return cells < 64 ? static_cast<int>(cells) : 64;
+}
+
+// Cells of 2^shift px are about as large as a voxel that is projected to `voxel_px`: the shift is the whole
+// part of the binary logarithm, found by comparisons, which round alike on every device.
+KINEVOX_HD inline int cell_shift(float voxel_px) {
+    const float cell_px = (voxel_px > 1 ? voxel_px : 1.f) / 0.9f;
+    int shift = 0;
+    while (shift < 6 && cell_px >= static_cast<float>(2 << shift)) ++shift;
+    return shift;
 }
 
 // Extends the image box covered by the volume by one brick (centre, edge in m). True: its depth counts for

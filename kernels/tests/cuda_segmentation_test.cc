@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "kernels/segmentation.h"
+#include "kernels/stages.h"
 
 namespace kinevox::kernels {
 namespace {
@@ -108,6 +109,7 @@ TEST_F(CudaSegmentation, DecidesFrameSetAsCamerasAlone) {
     constexpr int kCameras = 3, kSizes[kCameras][2] = {{200, 96}, {130, 150}, {64, 75}};
     std::mt19937 random(5);
     std::vector<std::unique_ptr<Segmenter>> alone, together;
+    const auto stages = make_stage_factory(Device::kCuda);
     for (const auto& size : kSizes) {
         std::vector<Image> empty;
         std::vector<ImageView> views;
@@ -116,7 +118,7 @@ TEST_F(CudaSegmentation, DecidesFrameSetAsCamerasAlone) {
         SegmentationOptions options;
         options.update_interval = static_cast<int>(alone.size());  // 0: never
         for (auto* segmenters : {&alone, &together}) {
-            segmenters->push_back(make_segmenter(Device::kCuda, size[0], size[1], 3, options));
+            segmenters->push_back(stages->segmenter(size[0], size[1], 3, options));
             segmenters->back()->learn(views);
         }
     }

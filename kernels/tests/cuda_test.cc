@@ -187,7 +187,11 @@ class CudaColouring : public Cuda {
         make_voxel_colourer(Device::kCpu, options)->colour(views, cpu, cpu_report);
         auto colourer = make_voxel_colourer(Device::kCuda, options);
         colourer->colour(views, gpu, gpu_report);
-        colourer->colour(views, again, again_report);
+        for (int n = 0; n < 3; ++n) {  // from the second time on as a graph
+            again = hull;
+            colourer->colour(views, again, again_report);
+        }
+        EXPECT_EQ(gpu_report.rounds, again_report.rounds);
         EXPECT_EQ(gpu.colours, again.colours);
         EXPECT_EQ(compare(gpu, again).second, 0u);
         EXPECT_THAT(again_report.silhouette_iou,
@@ -246,6 +250,38 @@ TEST_F(CudaColouring, RoundingEqualsCpuForm) {
     expect_same(options, scene.colouring_views(), 0.005);
     options.support_edge_m = 0.15f;  // radius 6
     expect_same(options, scene.colouring_views(), 0.005);
+}
+
+// More rounds than the device makes between two waits.
+TEST_F(CudaColouring, ManyRoundsEqualCpuForm) {
+    ColouringOptions options;
+    options.max_rounds = 40;
+    options.min_ray_length_m = 0.02f;
+    options.min_support = 0.5f;
+    expect_same(options, scene.colouring_views(), 0.005);
+    VoxelVolume volume = hull;
+    ColouringReport report;
+    make_voxel_colourer(Device::kCuda, options)->colour(scene.colouring_views(), volume, report);
+    EXPECT_GT(report.rounds, 16);
+}
+
+// One carver and one colourer, from a volume of few bricks to one of many and back.
+TEST_F(CudaColouring, VolumesOfAllSizesEqualCpuForm) {
+    auto carver = make_hull_carver(Device::kCuda);
+    auto colourer = make_voxel_colourer(Device::kCuda);
+    for (const float voxel_m : {0.04f, 0.008f, 0.02f}) {
+        const int n = static_cast<int>(1.2f / voxel_m) / 8 * 8;
+        VoxelVolume cpu, gpu;
+        ColouringReport cpu_report, gpu_report;
+        make_hull_carver(Device::kCpu)->carve(scene.hull_views(), make_lattice(voxel_m, n, n, n), cpu);
+        carver->carve(scene.hull_views(), make_lattice(voxel_m, n, n, n), gpu);
+        EXPECT_EQ(compare(cpu, gpu).second, 0u) << voxel_m;
+        make_voxel_colourer(Device::kCpu)->colour(scene.colouring_views(), cpu, cpu_report);
+        colourer->colour(scene.colouring_views(), gpu, gpu_report);
+        EXPECT_EQ(compare(cpu, gpu).second, 0u) << voxel_m;
+        EXPECT_EQ(cpu.colours, gpu.colours) << voxel_m;
+        EXPECT_EQ(cpu_report.carved, gpu_report.carved) << voxel_m;
+    }
 }
 
 TEST_F(CudaColouring, AllStepsEqualCpuFormWithAbsentViews) {

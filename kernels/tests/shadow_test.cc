@@ -8,6 +8,7 @@
 #include <functional>
 #include <memory>
 #include <random>
+#include <span>
 #include <stdexcept>
 #include <vector>
 
@@ -15,6 +16,7 @@
 #include "kernels/floor_grid.h"
 #include "kernels/segmentation.h"
 #include "kernels/shared/kde_shadow.h"
+#include "kernels/stages.h"
 #include "kernels/tests/segmentation_scene.h"
 
 namespace kinevox::kernels {
@@ -107,8 +109,9 @@ struct Rig {
     explicit Rig(Device device, Height height = {}, const SegmentationOptions& options = {})
         : cameras{FloorCamera(0, 1, 0, height), FloorCamera(2.1, 2, 0, height),
                   FloorCamera(4.2, 3, 0, height)} {
+        const auto stages = make_stage_factory(device);
         for (int c = 0; c < 3; ++c) {
-            segmenters[c] = make_segmenter(device, kImageWidth, kImageHeight, 3, options);
+            segmenters[c] = stages->segmenter(kImageWidth, kImageHeight, 3, options);
             segmenters[c]->set_camera(cameras[c].model);
             std::vector<TestImage> clip;
             for (int n = 0; n < 30; ++n) clip.push_back(cameras[c].image([](auto...) { return 1.0; }));
@@ -356,6 +359,21 @@ TEST(LimbGate, NeedsALimbsWidthOfChangedPixels) {
     const int pixels = 3 * 3 * kde::kVoteBlock_px * kde::kVoteBlock_px;
     EXPECT_TRUE(kde::is_limb(pixels / 2, 1));
     EXPECT_FALSE(kde::is_limb(pixels / 3, 1));
+}
+
+TEST_F(ShadowCuda, CamerasOfFrameSetNeedOneContext) {
+    FloorCamera camera(0, 1, 0, {});
+    std::array<std::unique_ptr<Segmenter>, 2> segmenters;
+    const TestImage image = camera.image([](auto...) { return 1.0; });
+    for (auto& segmenter : segmenters) {
+        segmenter = make_segmenter(Device::kCuda, kImageWidth, kImageHeight, 3);
+        segmenter->set_camera(camera.model);
+        segmenter->learn(std::vector{image.view()});
+        segmenter->begin_frame(image.view(), {});
+    }
+    const Segmenter* const other = segmenters[1].get();
+    Silhouettes out;
+    EXPECT_THROW(segmenters[0]->decide(std::span(&other, 1), out), std::logic_error);
 }
 
 class ShadowForms : public ShadowCuda, public ::testing::WithParamInterface<bool> {};

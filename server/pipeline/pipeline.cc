@@ -137,6 +137,8 @@ class StagedPipeline final : public Pipeline {
     void reconstruct_subjects(Reconstruction& work, LapTimer& timer);
     void carve(const FrameResult& result, const SceneSubject& subject, SubjectReconstruction& work);
     void carve_with(Stages& stages, const SceneSubject& subject, SubjectReconstruction& work);
+    kernels::HullCarver& carver_of(Stages& stages) const;
+    bool colours_hull_at_once(const Stages& stages) const;
     void separate(Reconstruction& work);
     void colour(const FrameResult& result, const SceneSubject& tracked, SubjectReconstruction& work,
                 SubjectResult& subject);
@@ -351,12 +353,24 @@ void StagedPipeline::carve(const FrameResult& result, const SceneSubject& subjec
         hull_views_.push_back({&models_[c], s.loose.data(), bounds});
         work.inlier_cameras.push_back(c);
     }
-    device_.run([&](Stages& stages) { carve_with(stages, subject, work); });
+    device_.run([&](Stages& stages) {
+        work.hull_to_come = colours_hull_at_once(stages);
+        if (!work.hull_to_come) carve_with(stages, subject, work);
+    });
+}
+
+kernels::HullCarver& StagedPipeline::carver_of(Stages& stages) const {
+    return *(hull_views_.size() >= kernels::kManyCameras ? stages.many_views_carver : stages.carver);
+}
+
+// Whether only the coloured volume is needed, so that a GPU keeps the hull to itself.
+bool StagedPipeline::colours_hull_at_once(const Stages& stages) const {
+    return stages.colourer && stages.colourer->carves_and_colours() && tracked_.size() == 1 &&
+           !tracker_.separates() && !options_.keep_hulls;
 }
 
 void StagedPipeline::carve_with(Stages& stages, const SceneSubject& subject, SubjectReconstruction& work) {
-    const bool many = hull_views_.size() >= kernels::kManyCameras;
-    (many ? stages.many_views_carver : stages.carver)->carve(hull_views_, *subject.lattice, work.volume);
+    carver_of(stages).carve(hull_views_, *subject.lattice, work.volume);
     tracker_.restrict_to(subject.track.subject_id, work.volume);
 }
 
@@ -398,6 +412,12 @@ void StagedPipeline::colour(const FrameResult& result, const SceneSubject& track
     }
     bool again = false;
     device_.run([&](Stages& stages) {
+        for (std::size_t view = 0; view < showing.size(); ++view)
+            colouring_views_[view].image_on_device =
+                stages.segmenters[showing[view]]->image_on_device(colouring_views_[view].image);
+        if (work.hull_to_come)
+            return stages.colourer->carve_and_colour(carver_of(stages), hull_views_, *tracked.lattice,
+                                                     colouring_views_, work.volume, report_);
         // Colouring changes the volume: carve again after a GPU failed in the middle of it.
         if (std::exchange(again, true)) carve_with(stages, tracked, work);
         stages.colourer->colour(colouring_views_, work.volume, report_);

@@ -66,6 +66,7 @@ void visit_option_tables(T& options, F&& f) {
 struct SubjectReconstruction {
     std::vector<std::size_t> inlier_cameras;  // including truncated ones
     kernels::VoxelVolume volume;              // the subject's, if it has one
+    bool hull_to_come = false;                // the GPU makes it when it is coloured
     kernels::VoxelVolume coarse;              // the same with PoseStage::kCoarseFactor times the voxels
     bool beside_others = false;               // then the next line is of this frame set
     SubjectViews views;

@@ -14,6 +14,7 @@
 #include <tuple>
 #include <vector>
 
+#include "kernels/bench/frame_set_rig.h"
 #include "kernels/body_silhouette.h"
 #include "kernels/colouring.h"
 #include "kernels/hull.h"
@@ -167,6 +168,21 @@ Results colouring(Device device, const Size& size, float budget_permille) {
     return out;
 }
 
+// All stages, from images to coloured volumes: what one leaves on the device the next one reads there.
+Results frame_sets(Device device, const Size& size) {
+    bench::FrameSetSize rig_size;
+    rig_size.width = size.width, rig_size.height = size.height;
+    rig_size.voxel_m = size.voxel_m;
+    bench::FrameSetRig rig(device, rig_size);
+    Results out;
+    for (int frame = 0; frame < size.frames; ++frame) {
+        rig.run();
+        add_volume(out, rig.volume());
+        out.add_each(rig.volume().colours);
+    }
+    return out;
+}
+
 std::vector<CameraModel> cameras_around(const Size& size) {
     std::vector<CameraModel> cameras;
     for (int n = 0; n < 4; ++n) {
@@ -233,6 +249,7 @@ bool compare_all(const Size& size) {
     same &= compare("hull with a budget", 0.0005, [&](Device d) { return hull(d, size, 5); });
     same &= compare("colouring", 0.0005, [&](Device d) { return colouring(d, size, 0); });
     same &= compare("colouring with a budget", 0.0005, [&](Device d) { return colouring(d, size, 5); });
+    same &= compare("frame sets", 0.0005, [&](Device d) { return frame_sets(d, size); });
     // The CPU draws polygons and sums in another order.
     same &= compare("body silhouettes", 0.001, [&](Device d) { return body_silhouettes(d, size); });
     same &= compare("moments", 1, [&](Device d) { return moments(d, size); });

@@ -61,8 +61,9 @@ class FailingCarver final : public kernels::HullCarver {
 
 class FailingColourer final : public kernels::VoxelColourer {
   public:
-    FailingColourer(GpuFails fails, std::unique_ptr<kernels::VoxelColourer> inner)
-        : fails_(std::move(fails)), inner_(std::move(inner)) {}
+    FailingColourer(GpuFails fails, std::unique_ptr<kernels::VoxelColourer> inner, bool at_once)
+        : fails_(std::move(fails)), inner_(std::move(inner)), at_once_(at_once) {}
+    bool carves_and_colours() const override { return at_once_; }
     void colour(std::span<const kernels::ColouringView> views, kernels::VoxelVolume& volume,
                 kernels::ColouringReport& report) override {
         inner_->colour(views, volume, report);
@@ -73,6 +74,7 @@ class FailingColourer final : public kernels::VoxelColourer {
   private:
     const GpuFails fails_;
     const std::unique_ptr<kernels::VoxelColourer> inner_;
+    const bool at_once_;
 };
 
 }  // namespace
@@ -95,7 +97,7 @@ std::unique_ptr<kernels::HullCarver> FailingGpu::hull_carver(const kernels::Hull
 
 std::unique_ptr<kernels::VoxelColourer> FailingGpu::voxel_colourer(
     const kernels::ColouringOptions& options) const {
-    return std::make_unique<FailingColourer>(fails_, cpu_->voxel_colourer(options));
+    return std::make_unique<FailingColourer>(fails_, cpu_->voxel_colourer(options), at_once_);
 }
 
 }  // namespace kinevox::testing

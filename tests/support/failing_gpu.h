@@ -14,9 +14,11 @@ using GpuFails = std::function<bool(const std::string& stage)>;
 
 class FailingGpu final : public kernels::StageFactory {
   public:
-    explicit FailingGpu(GpuFails fails, std::string problem = {})
+    // `at_once`: VoxelColourer::carves_and_colours().
+    explicit FailingGpu(GpuFails fails, std::string problem = {}, bool at_once = false)
         : fails_(std::move(fails)),
           problem_(std::move(problem)),
+          at_once_(at_once),
           cpu_(make_stage_factory(kernels::Device::kCpu)) {}
 
     std::unique_ptr<kernels::Segmenter> segmenter(int width, int height, int channels,
@@ -36,6 +38,7 @@ class FailingGpu final : public kernels::StageFactory {
   private:
     const GpuFails fails_;
     const std::string problem_;
+    const bool at_once_;
     const std::unique_ptr<kernels::StageFactory> cpu_;
 };
 

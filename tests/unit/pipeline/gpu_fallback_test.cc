@@ -4,6 +4,8 @@
 
 #include <atomic>
 #include <set>
+#include <string>
+#include <tuple>
 
 #include "server/cameras/studio/studio_source.h"
 #include "server/pipeline/gpu.h"
@@ -53,8 +55,9 @@ std::vector<FrameResultPtr> run(std::shared_ptr<Gpu> gpu, const std::function<vo
     return results;
 }
 
-std::shared_ptr<Gpu> gpu_that(testing::GpuFails fails, std::string problem = {}) {
-    return std::make_shared<Gpu>(std::make_unique<testing::FailingGpu>(std::move(fails), std::move(problem)));
+std::shared_ptr<Gpu> gpu_that(testing::GpuFails fails, std::string problem = {}, bool at_once = false) {
+    return std::make_shared<Gpu>(
+        std::make_unique<testing::FailingGpu>(std::move(fails), std::move(problem), at_once));
 }
 
 std::vector<std::string> errors_in(const std::vector<FrameResultPtr>& results) {
@@ -84,21 +87,25 @@ void expect_same(const FrameResultPtr& a, const FrameResultPtr& b) {
     EXPECT_EQ(subject_volume(a)->colours, subject_volume(b)->colours) << a->sequence;
 }
 
-class FailsIn : public ::testing::TestWithParam<const char*> {};
+// A stage, and whether the GPU carves and colours at once.
+class FailsIn : public ::testing::TestWithParam<std::tuple<std::string, bool>> {};
 
 // After a failure in any stage of any frame set, that frame set has the same result, and the others continue.
 TEST_P(FailsIn, FinishesFrameSetOnCpu) {
     constexpr int kFailing = 8;
+    const auto& [failing_stage, at_once] = GetParam();
     const auto undisturbed = run(nullptr);
     ASSERT_THAT(undisturbed, SizeIs(kFrames));
     ASSERT_GT(volume_of(undisturbed[kFailing]), 20) << "the subject must be visible by then";
     std::atomic<bool> failing = false;
     std::atomic<int> asked_after = 0;
     bool failed = false;
-    const auto gpu = gpu_that([&](const std::string& stage) {
-        if (failed) ++asked_after;
-        return failing && stage == GetParam();
-    });
+    const auto gpu = gpu_that(
+        [&](const std::string& stage) {
+            if (failed) ++asked_after;
+            return failing && stage == std::get<0>(GetParam());
+        },
+        {}, at_once);
     const auto results = run(gpu, [&](int frame) {
         EXPECT_EQ(gpu->usable(), frame <= kFailing);
         failed = frame > kFailing;
@@ -107,7 +114,7 @@ TEST_P(FailsIn, FinishesFrameSetOnCpu) {
     ASSERT_THAT(results, SizeIs(kFrames));
     for (int frame = 0; frame < kFailing; ++frame) expect_same(results[frame], undisturbed[frame]);
     // What a failing segmentation is replaced by knows the empty scene only.
-    if (std::string(GetParam()) != "segmentation") expect_same(results[kFailing], undisturbed[kFailing]);
+    if (failing_stage != "segmentation") expect_same(results[kFailing], undisturbed[kFailing]);
     for (int frame = kFailing; frame < kFrames; ++frame)
         EXPECT_NEAR(volume_of(results[frame]), volume_of(undisturbed[frame]),
                     0.1 * volume_of(undisturbed[frame]));
@@ -119,7 +126,9 @@ TEST_P(FailsIn, FinishesFrameSetOnCpu) {
     EXPECT_EQ(gpu->state().memory.total_bytes, 0u);
 }
 
-INSTANTIATE_TEST_SUITE_P(Stages, FailsIn, ::testing::Values("segmentation", "hull", "colouring"));
+INSTANTIATE_TEST_SUITE_P(Stages, FailsIn,
+                         ::testing::Combine(::testing::Values("segmentation", "hull", "colouring"),
+                                            ::testing::Bool()));
 
 TEST(GpuFallback, UsesAndReportsWorkingGpu) {
     std::set<std::string> used;
