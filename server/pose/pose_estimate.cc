@@ -123,7 +123,9 @@ constexpr double kUndetermined2 = 0.02 * 0.02;
 constexpr double kMaxResidual_m = 0.12;
 constexpr double kLimb_m = 0.3;    // typical length, over which an error of a joint turns an angle
 constexpr double kSharedRays = 8;  // a segment with few rays of its own misfits as the whole body does
-constexpr double kRays = 160;      // to which touching rays are scaled
+// Where a border has no contrast, the silhouette lacks a part, and the body fits it this badly.
+constexpr double kWithoutContrast_m = 0.05;
+constexpr double kRays = 160;  // to which touching rays are scaled
 constexpr double kMaxTouching_m = 0.015, kMaxElsewhere_m = 0.03;
 
 // A gross error: the limb is somewhere else than the fit has put it. Its odds fall with the rays that touch
@@ -172,6 +174,11 @@ Misfit misfit_of(std::span<const SilhouetteRays> views, std::span<const SurfaceT
         misfit.touching[segment] +=
             r < kMaxTouching_m && !explained_elsewhere(views[term.camera].contour, term, capsules);
     }
+    for (const SilhouetteRays& view : views)
+        if (view.camera) {
+            misfit.all += view.contour.without_contrast * kWithoutContrast_m * kWithoutContrast_m;
+            all += view.contour.without_contrast;
+        }
     for (double& touching : misfit.touching) touching *= kRays / std::max(1, all);
     misfit.all = all > 0 ? misfit.all / all : kMaxResidual_m * kMaxResidual_m;
     for (int s = 0; s < kBodySegmentCount; ++s)

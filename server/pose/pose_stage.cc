@@ -120,7 +120,7 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
             observation_.views[c].camera = nullptr;
             if (c >= shown.size() || !shown[c].silhouettes) return;
             read_silhouette(cameras_[c], *shown[c].silhouettes, options_.tracker.rays, observation_.views[c],
-                            shown[c].shared);
+                            shown[c].image, shown[c].shared);
             read_colours(shown[c].image, *shown[c].silhouettes, options_.tracker.rays.colour_side,
                          observation_.views[c].colours);
         },

@@ -1,10 +1,13 @@
 #include "server/pose/silhouette_rays.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <vector>
 
+#include "common/median.h"
 #include "kernels/distance_map.h"
 
 namespace kinevox {
@@ -15,6 +18,11 @@ constexpr int kMapMargin = 8;     // cells around the silhouette's box
 
 struct BorderPoint {
     float x, y;  // px, between the two pixels
+};
+
+struct ContourPoint {
+    Vec2 at, normal;      // px; outward
+    double contrast = 0;  // grey levels
 };
 
 // Midpoints between adjacent inside and outside pixels, in raster order.
@@ -60,6 +68,37 @@ Vec2 outward_normal(const std::uint8_t* mask, int width, int height, BorderPoint
     const double length = std::hypot(sx, sy);
     if (length < 1e-6) return {};
     return {sx / length, sy / length};
+}
+
+// Difference between the two sides of the border, of the channel that differs more: means over three pixels
+// along it and two away from it.
+double contrast_across(const kernels::ImageView& image, Vec2 at, Vec2 normal) {
+    std::array<int, 3> difference{};
+    for (const int side : {-1, 1})
+        for (int away = 1; away <= 2; ++away)
+            for (int along = -1; along <= 1; ++along) {
+                const double x = at.x + side * away * normal.x - along * normal.y,
+                             y = at.y + side * away * normal.y + along * normal.x;
+                const std::uint8_t* const pixel =
+                    image.row(std::clamp(static_cast<int>(std::lround(y)), 0, image.height - 1)) +
+                    std::ptrdiff_t{image.channels} *
+                        std::clamp(static_cast<int>(std::lround(x)), 0, image.width - 1);
+                for (int c = 0; c < image.channels; ++c) difference[c] += side * pixel[c];
+            }
+    int largest = 0;
+    for (const int d : difference) largest = std::max(largest, std::abs(d));
+    return largest / 6.0;
+}
+
+// In dim images all of the border has little contrast. Returns how many were removed.
+int remove_without_contrast(std::vector<ContourPoint>& points) {
+    constexpr double kMinContrast = 8, kMinOfMedian = 0.4;
+    std::vector<double> contrasts;
+    for (const ContourPoint& point : points) contrasts.push_back(point.contrast);
+    if (contrasts.empty()) return 0;
+    const double min = std::min(kMinContrast, kMinOfMedian * median_of(contrasts));
+    return static_cast<int>(
+        std::erase_if(points, [&](const ContourPoint& point) { return point.contrast < min; }));
 }
 
 // Numbers of the pixels of a row of cells that are not 0, added to `count`.
@@ -171,7 +210,7 @@ bool is_among_others(std::span<const SilhouetteRays> views, Vec3 in_world) {
 }
 
 void read_silhouette(const Camera& camera, const kernels::Silhouettes& s, const SilhouetteRayOptions& options,
-                     SilhouetteRays& out, const ForegroundPart* shared) {
+                     SilhouetteRays& out, const kernels::ImageView& image, const ForegroundPart* shared) {
     if (shared && shared->box.empty()) shared = nullptr;
     out.camera = nullptr;
     for (int k = 0; k < 3; ++k) out.contour.direction[k].clear(), out.contour.outward[k].clear();
@@ -187,13 +226,18 @@ void read_silhouette(const Camera& camera, const kernels::Silhouettes& s, const 
         });
     const std::size_t wanted = static_cast<std::size_t>(options.contour_rays);
     const std::size_t count = std::min(wanted, border.size());
-    out.contour.origin_in_world = camera.centre_in_world();
-    const Mat3 world_from_camera = camera.camera_from_world.rotation.transposed();
+    std::vector<ContourPoint> points;
     for (std::size_t k = 0; k < count; ++k) {
         const BorderPoint p = border[border.size() * (2 * k + 1) / (2 * count)];
-        const Vec2 normal = outward_normal(s.sharp.data(), s.width, s.height, p);
+        const Vec2 at{p.x, p.y}, normal = outward_normal(s.sharp.data(), s.width, s.height, p);
         if (normal.x == 0 && normal.y == 0) continue;
-        const Vec3 direction = camera.ray_through({p.x, p.y}).direction_in_world;
+        points.push_back({at, normal, image.data ? contrast_across(image, at, normal) : 0});
+    }
+    out.contour.without_contrast = image.data ? remove_without_contrast(points) : 0;
+    out.contour.origin_in_world = camera.centre_in_world();
+    const Mat3 world_from_camera = camera.camera_from_world.rotation.transposed();
+    for (const auto& [at, normal, contrast] : points) {
+        const Vec3 direction = camera.ray_through(at).direction_in_world;
         // In the image's plane x is right and y down, as in the camera's frame.
         Vec3 outward = world_from_camera * Vec3{normal.x, normal.y, 0};
         outward = normalized(outward - dot(outward, direction) * direction);

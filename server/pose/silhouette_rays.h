@@ -20,6 +20,7 @@ namespace kinevox {
 struct ContourRays {
     Vec3 origin_in_world;
     std::vector<float> direction[3], outward[3];  // world, unit
+    int without_contrast = 0;                     // rays not used
     std::size_t size() const { return direction[0].size(); }
 };
 
@@ -66,9 +67,10 @@ bool shows_others(std::span<const SilhouetteRays> views);
 bool is_among_others(std::span<const SilhouetteRays> views, Vec3 in_world);
 
 // Reads the sharp silhouette. Reuses the memory of `out`. Without sharp pixels out.camera is null. No rays
-// in `shared` (PoseView::shared), and the distance is to the border of both.
+// in `shared` (PoseView::shared), and the distance is to the border of both. `image`, where it is not empty:
+// no rays through a border without contrast, which crosses clothes of which the silhouette lacks a part.
 void read_silhouette(const Camera& camera, const kernels::Silhouettes& silhouettes,
                      const SilhouetteRayOptions& options, SilhouetteRays& out,
-                     const ForegroundPart* shared = nullptr);
+                     const kernels::ImageView& image = {}, const ForegroundPart* shared = nullptr);
 
 }  // namespace kinevox

@@ -82,7 +82,7 @@ TEST(SilhouetteRays, HasNoContourInSharedForegroundButAllowsTheBodyThere) {
     seen.loose = seen.sharp;
     SilhouetteRays whole, with_other;
     read_silhouette(camera, seen, {}, whole);
-    read_silhouette(camera, seen, {}, with_other, &shared);
+    read_silhouette(camera, seen, {}, with_other, {}, &shared);
     const auto rightmost = [](const SilhouetteRays& rays) {
         return *std::ranges::max_element(rays.contour.direction[0]);
     };
@@ -104,6 +104,36 @@ TEST(SilhouetteRays, HasNoContourInSharedForegroundButAllowsTheBodyThere) {
     EXPECT_FALSE(is_among_others(std::vector{whole, with_other}, at_column(80)));
     EXPECT_FALSE(is_among_others(std::vector{whole, whole, with_other}, at_column(130)));
     EXPECT_FALSE(is_among_others(std::vector{whole}, at_column(130))) << "no other subject is there";
+}
+
+// The right part of the clothes is missing in the silhouette.
+TEST(SilhouetteRays, HasNoContourAcrossClothes) {
+    constexpr int kWidth = 200, kHeight = 150;
+    Camera camera;
+    camera.width = kWidth, camera.height = kHeight;
+    camera.fx = camera.fy = 200, camera.cx = 99.5, camera.cy = 74.5;
+    kernels::Silhouettes seen;
+    seen.width = kWidth, seen.height = kHeight;
+    seen.bounds = {60, 40, 120, 110};
+    seen.sharp.assign(kWidth * kHeight, 0);
+    const auto rays_in = [&](std::uint8_t background, std::uint8_t clothes) {
+        std::vector<std::uint8_t> pixels(kWidth * kHeight, background);
+        seen.sharp_pixels = 0;
+        for (int y = 40; y < 110; ++y)
+            for (int x = 60; x < 160; ++x) {
+                pixels[y * kWidth + x] = clothes;
+                if (x < seen.bounds.x1) seen.sharp[y * kWidth + x] = 255, ++seen.sharp_pixels;
+            }
+        SilhouetteRays rays;
+        read_silhouette(camera, seen, {}, rays, {pixels.data(), kWidth, kHeight, 1, kWidth});
+        return rays;
+    };
+    for (const auto& [background, clothes] : {std::pair{100, 160}, std::pair{100, 60}, std::pair{20, 26}}) {
+        const ContourRays contour = rays_in(background, clothes).contour;
+        EXPECT_GT(contour.size(), 90u) << clothes;
+        EXPECT_TRUE(std::ranges::all_of(contour.outward[0], [](float x) { return x < 0.9f; })) << clothes;
+        EXPECT_TRUE(std::ranges::any_of(contour.outward[0], [](float x) { return x < -0.9f; })) << clothes;
+    }
 }
 
 TEST(PoseTracker, FindsBodyWithoutPrior) {
