@@ -114,13 +114,15 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
     observation_.time_ns = time_ns;
     observation_.centre_in_world = centre;
     observation_.views.resize(cameras_.size());
+    // Live, and where other people are near, the fit needs all of the contour.
+    const bool by_contrast = !options_.filtered && std::ranges::none_of(shown, &PoseView::shared);
     oneapi::tbb::parallel_for(
         std::size_t{0}, cameras_.size(),
         [&](std::size_t c) {
             observation_.views[c].camera = nullptr;
             if (c >= shown.size() || !shown[c].silhouettes) return;
             read_silhouette(cameras_[c], *shown[c].silhouettes, options_.tracker.rays, observation_.views[c],
-                            shown[c].image, shown[c].shared);
+                            by_contrast ? shown[c].image : kernels::ImageView{}, shown[c].shared);
             read_colours(shown[c].image, *shown[c].silhouettes, options_.tracker.rays.colour_side,
                          observation_.views[c].colours);
         },
