@@ -432,9 +432,8 @@ void StagedPipeline::finish_subject(const SceneSubject& tracked, SubjectReconstr
     coarsen_by_four(work.volume, work.coarse);
     ExpectedShape& shape = shapes_.emplace_back(ExpectedShape{tracked.track.subject_id, work.coarse, {}, {}});
     if (const auto centre = centre_of(work.volume)) {
-        const double missing_below_m = legs_missing_below(work.volume);
-        shape.legs = missing_legs_space(*centre, missing_below_m);
-        if (!tracker_.separates()) tracker_.observe_volume(*centre, missing_below_m, work.coarse);
+        shape.legs = missing_legs_space(*centre, legs_missing_below(work.volume));
+        if (!tracker_.separates()) tracker_.observe_volume(*centre, shape.legs.has_value(), work.coarse);
     }
     subject.volume = std::make_shared<const Volume>(to_common(work.volume));
 }

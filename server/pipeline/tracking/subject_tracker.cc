@@ -200,10 +200,10 @@ void SubjectTracker::restrict_to(std::uint32_t subject_id, kernels::VoxelVolume&
     if (!alone_) scene_.restrict_to(subject_id, volume);
 }
 
-void SubjectTracker::observe_volume(Vec3 centre_in_world, double missing_below_m,
+void SubjectTracker::observe_volume(Vec3 centre_in_world, bool legs_missing,
                                     const kernels::VoxelVolume& shape) {
     if (!alone_) return;
-    tracker_.observe_volume(centre_in_world, missing_below_m);
+    tracker_.observe_volume(centre_in_world, legs_missing);
     shape_ = shape;
 }
 

@@ -42,9 +42,9 @@ class SubjectTracker {
 
     // As SceneTracker::restrict_to().
     void restrict_to(std::uint32_t subject_id, kernels::VoxelVolume& volume) const;
-    // The volume of a subject of the last update: its centre of gravity, the height below which its
-    // legs are missing (0: nowhere), and its shape with voxels of about 4 cm.
-    void observe_volume(Vec3 centre_in_world, double missing_below_m, const kernels::VoxelVolume& shape);
+    // The volume of a subject of the last update: its centre of gravity, whether it lacks legs (see
+    // missing_legs_space()), and its shape with voxels of about 4 cm.
+    void observe_volume(Vec3 centre_in_world, bool legs_missing, const kernels::VoxelVolume& shape);
 
     // Forgets all people, without an event.
     void reset();

@@ -299,9 +299,9 @@ TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
     return update;
 }
 
-void Tracker::observe_volume(Vec3 centre_in_world, double missing_below_m) {
+void Tracker::observe_volume(Vec3 centre_in_world, bool legs_missing) {
     if (!tracking_) return;
-    legs_missing_ = missing_below_m > kMaxFeetHeight_m;
+    legs_missing_ = legs_missing;
     shape_offset_ += options_.shape_offset_gain * (centre_in_world - intersection_in_world_ - shape_offset_);
     const double length = norm(shape_offset_);
     if (length > options_.max_shape_offset_m)

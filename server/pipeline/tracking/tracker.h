@@ -154,9 +154,9 @@ class Tracker {
                          const std::vector<const kernels::Silhouettes*>& silhouettes,
                          const Newcomer& newcomer = {});
 
-    // The centre of gravity of the volume carved from the last update's lattice, and the height below
-    // which it lacks the legs; 0: nowhere.
-    void observe_volume(Vec3 centre_in_world, double missing_below_m);
+    // The centre of gravity of the volume carved from the last update's lattice, and whether it lacks
+    // legs, see missing_legs_space().
+    void observe_volume(Vec3 centre_in_world, bool legs_missing);
 
     bool tracking() const { return tracking_; }
     // Forgets the subject, without an event.

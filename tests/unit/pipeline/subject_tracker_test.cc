@@ -74,7 +74,7 @@ class Room {
             const Vec3 centre = subject.track.centre_in_world;
             const Vec3 nearest = *std::ranges::min_element(
                 floor_points, {}, [&](Vec3 at) { return std::hypot(at.x - centre.x, at.y - centre.y); });
-            tracker_.observe_volume(centre, 0, shape_of(people_at({nearest})));
+            tracker_.observe_volume(centre, false, shape_of(people_at({nearest})));
         }
         return update;
     }

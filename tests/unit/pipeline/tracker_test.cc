@@ -215,7 +215,7 @@ TEST(Tracker, LearnsShapeOffsetFromVolume) {
     const Vec3 at{0.2, 0.1, 0.88}, centre = at + Vec3{0.03, 0, 0.05};
     for (int n = 0; n < 30; ++n) {
         stage.show(body_at(at));
-        stage.tracker_.observe_volume(centre, 0);
+        stage.tracker_.observe_volume(centre, false);
     }
     const TrackerUpdate update = stage.show(body_at(at));
     ASSERT_TRUE(update.subject);
@@ -223,7 +223,7 @@ TEST(Tracker, LearnsShapeOffsetFromVolume) {
     // A volume gone wrong does not carry G away.
     for (int n = 0; n < 30; ++n) {
         stage.show(body_at(at));
-        stage.tracker_.observe_volume(at + Vec3{0, 2, 0}, 0);
+        stage.tracker_.observe_volume(at + Vec3{0, 2, 0}, false);
     }
     EXPECT_LT(norm(stage.show(body_at(at)).subject->centre_in_world - at), 0.2);
 }
@@ -235,14 +235,14 @@ TEST(Tracker, SearchesForLegsDownToFloor) {
     const std::vector<Ellipsoid> legless(whole.begin(), whole.begin() + 2);
     for (int n = 0; n < 6; ++n) {
         stage.show(n == 0 ? whole : legless);
-        stage.tracker_.observe_volume({0.2, 0.1, 1.1}, n == 0 ? 0.02 : 0.45);
+        stage.tracker_.observe_volume({0.2, 0.1, 1.1}, n > 0);
     }
     stage.show(whole);
     for (std::size_t c = 0; c < 4; ++c) {
         EXPECT_TRUE(contains(stage.priors_[c].region, stage.bounds_[c])) << stage.cameras_[c].name;
         EXPECT_LT(stage.priors_[c].max_distance_px, 0) << "feet may be far from what is left";
     }
-    stage.tracker_.observe_volume({0.2, 0.1, 0.88}, 0.02);
+    stage.tracker_.observe_volume({0.2, 0.1, 0.88}, false);
     stage.show(whole);
     EXPECT_GT(stage.priors_[0].max_distance_px, 0);
 }
