@@ -189,8 +189,8 @@ class Segmenter {
 };
 
 // Throws std::invalid_argument where options.check() is not empty, std::runtime_error where the device is
-// absent. `context`: of the device, see StageFactory::context(); null: one of its own, so that a GPU cannot
-// compare its frames with those of others.
+// absent. `context`: of the device, which the segmenters of a StageFactory share; null: one of its own, so
+// that a GPU cannot compare its frames with those of others.
 std::unique_ptr<Segmenter> make_segmenter(Device device, int width, int height, int channels,
                                           const SegmentationOptions& options = {},
                                           std::shared_ptr<DeviceContext> context = {});

@@ -26,17 +26,6 @@ class DeviceStages final : public StageFactory {
         return make_voxel_colourer(device_, options);
     }
 
-    // Made when it is first needed: a factory also exists where the GPU cannot be used.
-    std::shared_ptr<DeviceContext> context() const override {
-#ifdef KINEVOX_HAVE_CUDA
-        const std::lock_guard lock(mutex_);
-        if (device_ == Device::kCuda && !context_) context_ = make_device_context_cuda();
-        return context_;
-#else
-        return nullptr;
-#endif
-    }
-
     std::string problem() const override {
         if (device_ == Device::kCpu) return {};
 #ifdef KINEVOX_HAVE_CUDA
@@ -59,6 +48,18 @@ class DeviceStages final : public StageFactory {
     }
 
   private:
+    // Of all its segmenters; null on the CPU. Made when it is first needed: a factory also exists where the
+    // GPU cannot be used.
+    std::shared_ptr<DeviceContext> context() const {
+#ifdef KINEVOX_HAVE_CUDA
+        const std::lock_guard lock(mutex_);
+        if (device_ == Device::kCuda && !context_) context_ = make_device_context_cuda();
+        return context_;
+#else
+        return nullptr;
+#endif
+    }
+
     const Device device_;
     mutable std::mutex mutex_;
     mutable std::shared_ptr<DeviceContext> context_;

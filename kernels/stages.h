@@ -28,9 +28,6 @@ class StageFactory {
     virtual std::unique_ptr<HullCarver> hull_carver(const HullOptions& options) const = 0;
     virtual std::unique_ptr<VoxelColourer> voxel_colourer(const ColouringOptions& options) const = 0;
 
-    // For make_segmenter(); null on the CPU.
-    virtual std::shared_ptr<DeviceContext> context() const { return nullptr; }
-
     virtual std::string problem()
         const = 0;  // empty if the device can be used, else why not, without a full stop
     virtual std::string name() const = 0;     // of the device, for example "NVIDIA T4"; empty for the CPU

@@ -275,9 +275,10 @@ kernels::SegmentationPrior StagedPipeline::expectation(std::size_t camera,
         kernels::project_volume(shapes_[n].coarse, models_[camera], moved, dilate_px, mask.data(), covered);
         if (n > 0) add_box(mask, c.width, covered, expected);
         if (shapes_[n].legs)
-            fill_box(projected_box(
+            fill_box(expected, c.width,
+                     projected_box(
                          c, {shapes_[n].legs->min_in_world + motion, shapes_[n].legs->max_in_world + motion}),
-                     c.width, expected);
+                     255);
     }
     prior.expected = expected.data();
     if (prior.max_distance_px >= 0) prior.max_distance_px = std::max(prior.max_distance_px - dilate_px, 0);

@@ -11,15 +11,13 @@
 namespace kinevox {
 
 // Rows of `width` bytes, no padding; the box lies in the image.
-inline void clear_box(std::vector<std::uint8_t>& mask, int width, const kernels::Rect& box) {
+inline void fill_box(std::vector<std::uint8_t>& mask, int width, const kernels::Rect& box,
+                     std::uint8_t value) {
     for (int y = box.y0; y < box.y1; ++y)
-        std::fill_n(mask.data() + static_cast<std::size_t>(y) * width + box.x0, box.width(), std::uint8_t{0});
+        std::fill_n(mask.data() + static_cast<std::size_t>(y) * width + box.x0, box.width(), value);
 }
-
-inline void fill_box(const kernels::Rect& box, int width, std::vector<std::uint8_t>& mask) {
-    for (int y = box.y0; y < box.y1; ++y)
-        std::fill_n(mask.data() + static_cast<std::size_t>(y) * width + box.x0, box.width(),
-                    std::uint8_t{255});
+inline void clear_box(std::vector<std::uint8_t>& mask, int width, const kernels::Rect& box) {
+    fill_box(mask, width, box, 0);
 }
 
 // Sets in `into` what `mask` sets inside the box.
