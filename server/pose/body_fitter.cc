@@ -355,12 +355,12 @@ double independent_count(const BodyShape& shape, std::span<const ObservedPosture
 }
 
 // Of a body that floats above the floor, the fit with its feet on it, if that is a likely body.
-std::optional<JointFit> stand(const JointFit& floating, std::span<const ObservedPosture> posed,
+std::optional<JointFit> stand(const JointFit& floating, std::span<const ObservedPosture> posed, bool stood,
                               double narrow_m, int steps, double independent) {
     std::vector<std::int64_t> times_ns;
     for (const ObservedPosture& p : posed) times_ns.push_back(p.frame->time_ns);
     const std::vector<std::size_t> frames =
-        floating_frames(BodyModel(floating.shape()), floating.postures(), times_ns);
+        floating_frames(BodyModel(floating.shape()), floating.postures(), times_ns, stood);
     if (frames.empty()) return std::nullopt;
     JointFit standing = floating;
     for (const std::size_t n : frames) standing.set_standing(n);
@@ -397,7 +397,7 @@ double girth_std_m(const BodyFit& fit, const BodyGirthInfo& girth) {
                : std::hypot(moved(girth.half_width), moved(girth.half_depth));
 }
 
-std::optional<BodyFit> fit_lengths(std::span<const ObservedPosture> all, const BodyShape& start,
+std::optional<BodyFit> fit_lengths(std::span<const ObservedPosture> all, const BodyShape& start, bool stood,
                                    const PoseStageOptions& posing, const BodyFitOptions& options,
                                    const std::stop_token& stop) {
     const PoseFitOptions& fitting = posing.tracker.fit;
@@ -433,7 +433,8 @@ std::optional<BodyFit> fit_lengths(std::span<const ObservedPosture> all, const B
     joint->descend(fitting.narrow_m, options.steps, 1);
     const double independent = independent_count(start, good, options.independent_frames);
     joint->descend(fitting.narrow_m, options.steps, independent);
-    std::optional<JointFit> standing = stand(*joint, good, fitting.narrow_m, options.steps, independent);
+    std::optional<JointFit> standing =
+        stand(*joint, good, stood, fitting.narrow_m, options.steps, independent);
     BodyFit fit;
     fit.standing_m = standing ? kStandingPose_m : 0;
     if (standing) joint = std::move(standing);
@@ -480,7 +481,8 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
             return absl::FailedPreconditionError(fmt::format(
                 "no person's pose was found in {} frame sets; fit the body where one person stands free",
                 frames.size()));
-        const std::optional<BodyFit> fitted = fit_lengths(posed, fit.shape, posing, options, stop);
+        const std::optional<BodyFit> fitted =
+            fit_lengths(posed, fit.shape, fit.standing_m > 0, posing, options, stop);
         if (!fitted) return absl::CancelledError("the body fit was cancelled");
         fit = *fitted;
     }

@@ -46,8 +46,8 @@ absl::StatusOr<BodyFit> fit_body(const std::vector<Camera>& cameras, double fps,
                                  std::stop_token stop = {}, const std::function<void(double)>& progress = {});
 
 // Optimises lengths and the given postures (at least one) together, without a search: in a fraction of the
-// time. Nothing after `stop`.
-std::optional<BodyFit> fit_lengths(std::span<const ObservedPosture> posed, const BodyShape& start,
+// time. `stood` as in floating_frames(). Nothing after `stop`.
+std::optional<BodyFit> fit_lengths(std::span<const ObservedPosture> posed, const BodyShape& start, bool stood,
                                    const PoseStageOptions& posing, const BodyFitOptions& options = {},
                                    const std::stop_token& stop = {});
 

@@ -80,7 +80,7 @@ std::optional<BodyFit> LiveBodyFit::fit_preliminary(const ToFit& job) const {
         if (frame.posture) posed.push_back({frame.seen.get(), *frame.posture});
     std::optional<BodyFit> tracked;
     if (2 * posed.size() >= job.frames.size())
-        tracked = fit_lengths(posed, job.start, posing_, fitting, job.stop);
+        tracked = fit_lengths(posed, job.start, false, posing_, fitting, job.stop);
     const bool may_search = job.preliminary >= kFirstSearch && job.preliminary <= kLastSearch;
     if (!may_search || (tracked && tracked->contour_residual_rms_m < kFittingResidual_m)) return tracked;
     fitting.rounds = kSearchRounds, fitting.size_frames = kSearchSizeFrames, fitting.quick = true;
