@@ -225,8 +225,7 @@ bool PoseTracker::try_searches(Hypothesis& h, std::span<const SilhouetteRays> vi
     double stayed = 0;
     in_parallel(count + 1, [&](Workspace& work, std::size_t k) {
         if (k == count) {
-            const PoseFit fit = work.fitter.fit(*model_, views, h.posture, nullptr, false);
-            stayed = fit.at.cost + colour_cost(views, fit.posture);
+            stayed = free_fit(work, h, views, h.posture).total();
         } else if (const std::optional<BodyPosture> moved = search(work, k)) {
             found[k] = work.fitter.fit(*model_, views, *moved, nullptr, true);
         }
@@ -242,23 +241,22 @@ bool PoseTracker::try_searches(Hypothesis& h, std::span<const SilhouetteRays> vi
     return true;
 }
 
-// The fit from `start` if it costs less by `gain` than the one from `current`, both without a prior.
-std::optional<PoseFit> PoseTracker::better_fit(Workspace& work, std::span<const SilhouetteRays> views,
-                                               const BodyPosture& start, const BodyPosture& current,
-                                               double gain) {
-    PoseFit fit = work.fitter.fit(*model_, views, start, nullptr, true);
-    const PoseFit stayed = work.fitter.fit(*model_, views, current, nullptr, false);
-    if (fit.at.cost + colour_cost(views, fit.posture) + gain >=
-        stayed.at.cost + colour_cost(views, stayed.posture))
-        return std::nullopt;
-    return fit;
+const PoseTracker::FreeFit& PoseTracker::free_fit(Workspace& work, Hypothesis& h,
+                                                  std::span<const SilhouetteRays> views,
+                                                  const BodyPosture& start) {
+    if (!h.free || h.free->start != start) {
+        const PoseFit fit = work.fitter.fit(*model_, views, start, nullptr, false);
+        h.free = {start, fit.at.cost, colour_cost(views, fit.posture)};
+    }
+    return *h.free;
 }
 
 void PoseTracker::try_moved(Workspace& work, Hypothesis& h, std::span<const SilhouetteRays> views,
                             const std::optional<BodyPosture>& moved, double gain) {
     if (!moved) return;
-    auto fit = better_fit(work, views, *moved, h.posture, gain);
-    if (fit) replace(h, *std::move(fit));
+    PoseFit fit = work.fitter.fit(*model_, views, *moved, nullptr, true);
+    if (fit.at.cost + colour_cost(views, fit.posture) + gain < free_fit(work, h, views, h.posture).total())
+        replace(h, std::move(fit));
 }
 
 // Its motion so far was that of another posture.
@@ -291,6 +289,7 @@ void PoseTracker::follow(Hypothesis& h, std::span<const SilhouetteRays> views, d
                        : k < 6 ? 0.02 + options_.root_angular_acceleration_rad_per_s2 * dt2
                                : 0.03 + options_.joint_angular_acceleration_rad_per_s2 * dt2;
     h.replaced.clear();
+    h.free.reset();
     h.fit = workspaces_.front().fitter.fit(*model_, views, prior.expected, &prior,
                                            searches_fully(seconds) || !shows_others(views));
     if (try_other_starts(h, views, prior.expected.root_in_world)) {
@@ -322,8 +321,7 @@ bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
     in_parallel(kStartCount + 1, [&](Workspace& work, std::size_t k) {
         PoseFitter& fitter = work.fitter;
         if (k == kStartCount) {
-            const PoseFit fit = fitter.fit(*model_, views, h.fit.posture, nullptr, false);
-            cost = fit.at.cost + colour_cost(views, fit.posture);
+            cost = free_fit(work, h, views, h.fit.posture).total();
             return;
         }
         if (beside_others && k > 0) return;
@@ -374,8 +372,7 @@ void PoseTracker::check_turned(Hypothesis& h, std::span<const SilhouetteRays> vi
     Workspace& work = workspaces_.front();
     PoseFit fit = work.fitter.fit(*model_, views, turned(*model_, h.posture), nullptr, true);
     fit = work.fitter.fit(*model_, views, fit.posture, nullptr, true);
-    const PoseFit stayed = work.fitter.fit(*model_, views, h.posture, nullptr, false);
-    const double gain = stayed.at.cost - fit.at.cost;
+    const double gain = free_fit(work, h, views, h.posture).cost - fit.at.cost;
     turn_evidence_ = std::max(0.0, kTurnMemory * turn_evidence_ + gain);
     if (turn_evidence_ < kTurnEvidence || gain <= 0) return;
     turn_evidence_ = 0;

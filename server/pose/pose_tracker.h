@@ -56,12 +56,19 @@ class PoseTracker {
     bool tracking() const { return !hypotheses_.empty(); }
 
   private:
+    // Of the fit without a prior from a posture in this frame set.
+    struct FreeFit {
+        BodyPosture start;
+        double cost = 0, colour_cost = 0;
+        double total() const { return cost + colour_cost; }
+    };
     struct Hypothesis {
         BodyPosture posture;
         BodyStep rate{};  // 1/s
         double cost = 0;  // running mean
         double seconds = 0;
         PoseFit fit;
+        std::optional<FreeFit> free;        // the latest: the searches compare with the same one
         std::vector<BodyPosture> replaced;  // fits of the last frame set that a better one replaced
         std::array<std::vector<JudgedPosture>, 2> around;  // as in TrackedPosture, of each arm
     };
@@ -95,8 +102,8 @@ class PoseTracker {
     template <typename Search>
     bool try_searches(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, std::size_t count,
                       double gain, const Search& search);
-    std::optional<PoseFit> better_fit(Workspace& work, std::span<const SilhouetteRays> views,
-                                      const BodyPosture& start, const BodyPosture& current, double gain);
+    const FreeFit& free_fit(Workspace& work, Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
+                            const BodyPosture& start);
     void try_moved(Workspace& work, Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
                    const std::optional<BodyPosture>& moved, double gain);
     static void replace(Hypothesis& hypothesis, PoseFit fit);
