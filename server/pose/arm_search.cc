@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <utility>
 
 #include "server/pose/turned_posture.h"
 
@@ -22,6 +23,7 @@ ArmSearch::ArmSearch(const BodyModel& model, const BodyPosture& posture, Limb ar
                      std::span<const SilhouetteRays> views, const BodyColours& colours, double robust_m,
                      PoseCost& cost)
     : model_(model),
+      which_(arm),
       arm_(segments_of(arm)),
       views_(views),
       robust_m_(robust_m),
@@ -38,25 +40,36 @@ MovedArm ArmSearch::judge(const BodyPosture& posture) {
     return {posture, cost, colour_.cost(moved_)};
 }
 
-std::array<MovedArm, 6> ArmSearch::around(double angle) {
+std::array<MovedArm, 6> ArmSearch::around(const BodyPosture& posture, double angle) {
     const auto turned = [&](double twist, double bend) {
-        return judge(forearm_moved(best_.posture, arm_.lower, twist, bend));
+        return judge(forearm_moved(posture, arm_.lower, twist, bend));
     };
-    const auto swivelled = [&](double by) {
-        return judge(elbow_swivelled(model_, best_.posture, arm_.upper, by));
-    };
+    const auto swivelled = [&](double by) { return judge(elbow_swivelled(model_, posture, arm_.upper, by)); };
     return {turned(angle, 0),  turned(-angle, 0), turned(0, angle),
             turned(0, -angle), swivelled(angle),  swivelled(-angle)};
 }
 
-void ArmSearch::improve(std::span<const double> angles, int max_moves) {
+MovedArm ArmSearch::descended(MovedArm from, std::span<const double> angles, int max_moves) {
     for (const double angle : angles)
         for (int n = 0; n < max_moves; ++n) {
-            std::array<MovedArm, 6> tried = around(angle);
-            const MovedArm& cheapest = *std::ranges::min_element(tried, {}, &MovedArm::total);
-            if (cheapest.total() >= best_.total()) break;
-            best_ = cheapest;
+            std::array<MovedArm, 6> tried = around(from.posture, angle);
+            MovedArm& cheapest = *std::ranges::min_element(tried, {}, &MovedArm::total);
+            if (cheapest.total() >= from.total()) break;
+            from = std::move(cheapest);
         }
+    return from;
+}
+
+void ArmSearch::improve(std::span<const double> angles, int max_moves) {
+    best_ = descended(std::move(best_), angles, max_moves);
+}
+
+void ArmSearch::improve_anywhere(LimbSearch& limbs, std::span<const double> angles, int max_moves) {
+    const BodyPosture now = best_.posture;
+    for (const BodyPosture& start : limbs.plausible(model_, now, views_, which_, 2 * robust_m_)) {
+        MovedArm moved = descended(judge(start), angles, max_moves);
+        if (moved.total() < best_.total()) best_ = std::move(moved);
+    }
 }
 
 }  // namespace kinevox

@@ -29,16 +29,21 @@ class ArmSearch {
 
     // Moves by each of these angles (rad), as often as the total falls, but at most `max_moves` times.
     void improve(std::span<const double> angles, int max_moves);
+    // The same from the arm's other configurations that the silhouettes allow.
+    void improve_anywhere(LimbSearch& limbs, std::span<const double> angles, int max_moves);
     // The best so far, and the decrease of its total.
     const MovedArm& best() const { return best_; }
     double gain() const { return before_ - best_.total(); }
     // The best one moved by an angle (rad) about each of the three axes, in either direction.
-    std::array<MovedArm, 6> around(double angle);
+    std::array<MovedArm, 6> around(double angle) { return around(best_.posture, angle); }
 
   private:
+    std::array<MovedArm, 6> around(const BodyPosture& posture, double angle);
+    MovedArm descended(MovedArm from, std::span<const double> angles, int max_moves);
     MovedArm judge(const BodyPosture& posture);
 
     const BodyModel& model_;
+    Limb which_;
     LimbSegments arm_;
     std::span<const SilhouetteRays> views_;
     double robust_m_;

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <numeric>
 #include <optional>
+#include <utility>
 
 namespace kinevox {
 namespace {
@@ -22,6 +23,9 @@ constexpr double kRaysGained = 1.5;  // minimum number of additionally explained
 // A coarse configuration of a pair is compared with a fitted one, so it may be worse by this many rays before
 // it is fitted.
 constexpr double kPairSlack = 2;
+// Of plausible(): the rays that it may explain less than the present configuration does, which was fitted.
+constexpr double kPlausibleRays = 12;
+constexpr std::size_t kMaxPlausible = 16;
 constexpr std::array<double, 2> kBalls{0.2, 0.8};  // along each capsule, for what lies outside
 constexpr double kUnlimited = std::numeric_limits<double>::infinity();
 
@@ -220,37 +224,55 @@ void LimbSearch::place_configurations(const BodyModel& model, const PosedBody& p
     }
 }
 
+// Lists the configurations, puts them at the joint and measures what lies outside. Returns the cost of the
+// rays that none of them can be nearer to than the rest of the body is.
+double LimbSearch::prepare(const BodyModel& model, const BodyPosture& posture,
+                           std::span<const SilhouetteRays> views, const LimbSegments& limb,
+                           LimbSearchScope scope, double robust_m) {
+    list_configurations(posture, limb, scope);
+    const PosedBody posed = model.forward(posture);
+    place_configurations(model, posed, limb);
+    measure_outside(views, placed_, placed_.size() / configurations_.size(), robust_m);
+    return keep_reached(posed.joints_in_world[origin_joint(limb.upper)], robust_m);
+}
+
+// Incomplete, but at least `limit`, where it exceeds that.
+double LimbSearch::cost_of(std::size_t n, double rest_cost, double robust_m, double limit) {
+    const double known = rest_cost + outside_cost_[n];
+    if (known >= limit) return known;
+    const std::size_t count = placed_.size() / configurations_.size();
+    return known +
+           contour_cost(reached_, std::span(placed_).subspan(n * count, count), robust_m, limit - known);
+}
+
+BodyPosture LimbSearch::with(const Configuration& configuration, const LimbSegments& limb,
+                             BodyPosture posture) {
+    posture.parent_from_segment[limb.upper] = configuration.upper;
+    posture.parent_from_segment[limb.lower] = configuration.lower;
+    posture.parent_from_segment[limb.end] = Mat3{};
+    return posture;
+}
+
 // The configuration of a limb with the lowest cost below `best`, which it updates. Most configurations leave
 // the silhouettes, which is cheap to see: those that do least come first.
 std::optional<BodyPosture> LimbSearch::cheapest(const BodyModel& model, const BodyPosture& posture,
                                                 std::span<const SilhouetteRays> views, Limb which,
                                                 LimbSearchScope scope, double robust_m, double& best) {
     const LimbSegments limb = segments_of(which);
-    list_configurations(posture, limb, scope);
-    const PosedBody posed = model.forward(posture);
-    place_configurations(model, posed, limb);
-    const std::size_t per_limb = placed_.size() / configurations_.size();
-    measure_outside(views, placed_, per_limb, robust_m);
-    const double rest_cost = keep_reached(posed.joints_in_world[origin_joint(limb.upper)], robust_m);
+    const double rest_cost = prepare(model, posture, views, limb, scope, robust_m);
     order_.resize(configurations_.size());
     std::iota(order_.begin(), order_.end(), 0);
     std::ranges::stable_sort(order_, {}, [&](int n) { return outside_cost_[n]; });
     const Configuration* found = nullptr;
     for (const int n : order_) {
-        const double known = rest_cost + outside_cost_[n];
-        if (known >= best) break;
-        const std::span<const BodyCapsule> capsules(placed_.data() + n * per_limb, per_limb);
-        const double there = known + contour_cost(reached_, capsules, robust_m, best - known);
+        if (rest_cost + outside_cost_[n] >= best) break;
+        const double there = cost_of(n, rest_cost, robust_m, best);
         if (there >= best) continue;
         best = there;
         found = &configurations_[n];
     }
     if (!found) return std::nullopt;
-    BodyPosture moved = posture;
-    moved.parent_from_segment[limb.upper] = found->upper;
-    moved.parent_from_segment[limb.lower] = found->lower;
-    moved.parent_from_segment[limb.end] = Mat3{};
-    return moved;
+    return with(*found, limb, posture);
 }
 
 std::optional<BodyPosture> LimbSearch::improve(const BodyModel& model, const BodyPosture& posture,
@@ -262,6 +284,27 @@ std::optional<BodyPosture> LimbSearch::improve(const BodyModel& model, const Bod
     set_rest(rest);
     double best = cost(views, capsules_, robust_m) - kRaysGained * robust_m * robust_m;
     return cheapest(model, posture, views, which, scope, robust_m, best);
+}
+
+std::vector<BodyPosture> LimbSearch::plausible(const BodyModel& model, const BodyPosture& posture,
+                                               std::span<const SilhouetteRays> views, Limb which,
+                                               double robust_m) {
+    const LimbSegments limb = segments_of(which);
+    std::vector<BodyCapsule> rest;
+    split(model, posture, {&which, 1}, &rest);
+    thin_out(views);
+    set_rest(rest);
+    const double limit = cost(views, capsules_, robust_m) + kPlausibleRays * robust_m * robust_m;
+    const double rest_cost = prepare(model, posture, views, limb, LimbSearchScope::kWhole, robust_m);
+    std::vector<std::pair<double, std::size_t>> found;
+    for (std::size_t n = 0; n < configurations_.size(); ++n)
+        if (const double there = cost_of(n, rest_cost, robust_m, limit); there < limit)
+            found.emplace_back(there, n);
+    std::ranges::sort(found);
+    found.resize(std::min(found.size(), kMaxPlausible));
+    std::vector<BodyPosture> postures;
+    for (const auto& [cost, n] : found) postures.push_back(with(configurations_[n], limb, posture));
+    return postures;
 }
 
 std::optional<BodyPosture> LimbSearch::improve_pair(const BodyModel& model, const BodyPosture& posture,

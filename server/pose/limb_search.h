@@ -35,6 +35,10 @@ class LimbSearch {
     std::optional<BodyPosture> improve(const BodyModel& model, const BodyPosture& posture,
                                        std::span<const SilhouetteRays> views, Limb limb,
                                        LimbSearchScope scope, double robust_m);
+    // Postures with the configurations of the whole limb that the silhouettes allow, the cheapest first: for
+    // evidence beyond the silhouettes to choose from. Their number is limited.
+    std::vector<BodyPosture> plausible(const BodyModel& model, const BodyPosture& posture,
+                                       std::span<const SilhouetteRays> views, Limb limb, double robust_m);
     // Searches both limbs, `first` without the other: resolves swapped or coinciding limbs, which a search of
     // one limb cannot. The result must be confirmed by a fit.
     std::optional<BodyPosture> improve_pair(const BodyModel& model, const BodyPosture& posture,
@@ -58,6 +62,11 @@ class LimbSearch {
     void set_rest(std::span<const BodyCapsule> rest);
     void list_configurations(const BodyPosture& posture, const LimbSegments& limb, LimbSearchScope scope);
     void place_configurations(const BodyModel& model, const PosedBody& posed, const LimbSegments& limb);
+    double prepare(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views,
+                   const LimbSegments& limb, LimbSearchScope scope, double robust_m);
+    double cost_of(std::size_t configuration, double rest_cost, double robust_m, double limit);
+    static BodyPosture with(const Configuration& configuration, const LimbSegments& limb,
+                            BodyPosture posture);
     std::optional<BodyPosture> cheapest(const BodyModel& model, const BodyPosture& posture,
                                         std::span<const SilhouetteRays> views, Limb which,
                                         LimbSearchScope scope, double robust_m, double& best);

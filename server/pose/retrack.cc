@@ -148,6 +148,7 @@ class Recording {
         each([&](std::size_t n) {
             if (shows_others(n)) return;
             PoseCost cost(options_.tracker.fit.cost);
+            LimbSearch limbs;
             std::vector<PathCandidate> starts{frames_[n].candidates[choices_[n].candidate]};
             for (const PathCandidate& c : frames_[n].candidates)
                 if (starts.size() < kMovedCandidates && c.posture != starts[0].posture) starts.push_back(c);
@@ -157,6 +158,7 @@ class Recording {
                     ArmSearch search(model_, moved, arm, recorded_[n].seen->views, colours_,
                                      options_.tracker.fit.narrow_m, cost);
                     search.improve(kArmMoves_rad, kMaxArmMoves);
+                    search.improve_anywhere(limbs, kArmMoves_rad, kMaxArmMoves);
                     if (search.gain() >= kLimbGain) moved = search.best().posture;
                 }
                 if (moved != start.posture) found[n].push_back(candidate(n, moved, cost));

@@ -238,6 +238,28 @@ TEST_F(BodyColoursTest, ArmSearchFindsTheForearmBeforeTheTrunk) {
     }
 }
 
+TEST_F(BodyColoursTest, ArmSearchAnywhereFindsAnArmFarFromItsStart) {
+    const BodyColours colours = learned();
+    const BodyPosture truth = posture_from_coordinates(folded());
+    const auto views = see(folded());
+    constexpr std::size_t kWrist = *joint_index("wrist_l");
+    const Vec3 expected = scene_.model->forward(truth).joints_in_world[kWrist];
+    const auto error = [&](const BodyPosture& posture) {
+        return norm(scene_.model->forward(posture).joints_in_world[kWrist] - expected);
+    };
+    BodyPosture start = truth;
+    for (const int s : {kUpperArmL, kForearmL, kHandL})
+        start.parent_from_segment[s] = posture_from_coordinates(scene_.standing()).parent_from_segment[s];
+    PoseCost cost;
+    LimbSearch limbs;
+    constexpr std::array kAngles{0.6, 0.3, 0.15};
+    ArmSearch search(*scene_.model, start, Limb::kArmL, views, colours, 0.04, cost);
+    search.improve(kAngles, 4);
+    ASSERT_GT(error(search.best().posture), 0.3) << "near the start is no arm that the colours allow";
+    search.improve_anywhere(limbs, kAngles, 4);
+    EXPECT_LT(error(search.best().posture), 0.03);
+}
+
 TEST_F(BodyColoursTest, ElbowSwivelsAroundTheLineFromShoulderToWrist) {
     const BodyPosture start = posture_from_coordinates(folded());
     const PosedBody before = scene_.model->forward(start),
