@@ -91,9 +91,15 @@ void add_shape(const ShapeRates& rates, const BodyModel& model, const PoseCost& 
     const PosedBody& posed = cost.posed();
     std::array<PointByShape, kBodySegmentCount> origin_rates;
     origin_rates[kPelvis].setZero();
-    for (int s = 1; s < kBodySegmentCount; ++s)
-        origin_rates[s] = origin_rates[kBodyParent[s]] +
-                          to_eigen(posed.world_from_segment[kBodyParent[s]].rotation) * rates.offsets[s];
+    for (int s = 1; s < kBodySegmentCount; ++s) {
+        const Mat3& world_from_parent = posed.world_from_segment[kBodyParent[s]].rotation;
+        origin_rates[s] = origin_rates[kBodyParent[s]] + to_eigen(world_from_parent) * rates.offsets[s];
+        if (s == kUpperArmL || s == kUpperArmR) {
+            const Vec3 along = posed.world_from_segment[s].rotation * Vec3{0, 0, -1};
+            origin_rates[s].col(kShoulderRise) +=
+                to_eigen(world_from_parent * BodyModel::risen(world_from_parent.transposed() * along));
+        }
+    }
     const auto frames = model.dof_frames(posed);
     system.mixed.setZero();
     system.shape.setZero();

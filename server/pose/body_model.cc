@@ -37,9 +37,9 @@ constexpr Vec3 kDown{0, 0, -1};
 
 // Least squares over CMU motions on a skeleton with clavicles: row: shift forward, outward, up; column:
 // direction of the upper arm; m for a body of 1.75 m. It leaves 2 to 4 mm of movements of 13 mm (Inman et al.
-// 1944 describe the rhythm).
+// 1944 describe the rhythm). How far a raised arm lifts the shoulder differs between persons: kShoulderRise.
 constexpr double kRhythmStature = 1.75;
-constexpr Mat3 kRhythm{{0.011, -0.030, 0.010, 0.005, 0.010, 0.001, 0.011, 0.011, 0.014}};
+constexpr Mat3 kRhythm{{0.011, -0.030, 0.010, 0.005, 0.010, 0.001, 0.011, 0.011, 0}};
 
 Vec3 mirrored(Vec3 v, bool left) {
     return left ? v : Vec3{v.x, -v.y, v.z};
@@ -84,7 +84,12 @@ BodyModel::BodyModel(const BodyShape& shape) : shape_(shape), capsules_(body_sur
 
 Vec3 BodyModel::shoulder_shift(bool left, Vec3 arm_direction) const {
     const Vec3 from_hanging = mirrored(arm_direction - kDown, left);
-    return (shape_.stature_m / kRhythmStature) * mirrored(kRhythm * from_hanging, left);
+    return (shape_.stature_m / kRhythmStature) * mirrored(kRhythm * from_hanging, left) +
+           shape_[kShoulderRise] * risen(arm_direction);
+}
+
+Vec3 BodyModel::risen(Vec3 arm_direction) {
+    return {0, 0, (arm_direction.z - kDown.z) / 2};
 }
 
 PosedBody BodyModel::forward(const BodyPosture& posture) const {

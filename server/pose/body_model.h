@@ -108,6 +108,8 @@ class BodyModel {
     // stretching it forward moves it forward (scapulohumeral rhythm). Shift in the thorax' frame, m, for the
     // direction of the upper arm in the thorax' frame; linear in it.
     Vec3 shoulder_shift(bool left, Vec3 arm_direction) const;
+    // Its derivative by kShoulderRise.
+    static Vec3 risen(Vec3 arm_direction);
 
   private:
     BodyShape shape_;

@@ -18,6 +18,7 @@ const std::array<BodyLengthInfo, kBodyLengthCount> kBodyLengths{{
     {"hip_half_width", 0.058, 0.06},
     {"shoulder_half_width", 0.1, 0.035},
     {"sacroiliac_to_shoulders", 0.172, 0.035},
+    {"shoulder_rise", 0.016, 0.6},
     {"upper_arm", 0.158, 0.08},
     {"forearm", 0.147, 0.05},
     {"hand", 0.11, 0.05},
@@ -75,7 +76,8 @@ absl::StatusOr<BodyShape> read_body_shape(const std::filesystem::path& file) {
     shape.stature_m = root.number("stature_m", {0.5, 2.5});
     for (int k = 0; k < kBodyLengthCount; ++k) {
         const std::string key = fmt::format("{}_m", kBodyLengths[k].name);
-        const bool later = k == kPelvisBack || k == kWaistBack || k == kChestBack;  // absent in older files
+        const bool later = k == kPelvisBack || k == kWaistBack || k == kChestBack ||
+                           k == kShoulderRise;  // absent in older files
         shape.lengths_m[k] =
             later ? root.number_or(key, kBodyLengths[k].fraction_of_stature * shape.stature_m, {0.001, 2})
                   : root.number(key, {0.001, 2});

@@ -21,6 +21,7 @@ enum BodyLength : int {
     kHipHalfWidth,           // midpoint of the hips to a hip
     kShoulderHalfWidth,      // arms hanging
     kSacroiliacToShoulders,  // height of the shoulders above the sacroiliac, arms hanging
+    kShoulderRise,           // of a shoulder from hanging to raised arm
     kUpperArm,
     kForearm,
     kHand,  // wrist to the tip of the middle finger
