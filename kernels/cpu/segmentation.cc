@@ -57,6 +57,7 @@ class CpuSegmenter final : public RewindableSegmenter {
     void clear(Silhouettes& out) const;
     CellSamples samples_of(int y, int k);
     SamplesAhead samples_ahead(int y, int k);
+    void prefetch(const std::uint8_t* cell) const;
     void density_rows(const ImageView& image, int y0, int y1, int k0, int k1, bool searched);
     CellBox find_active(const CellBox& work);
     void fit_light(const CellBox& active);
@@ -202,6 +203,11 @@ CellSamples CpuSegmenter::samples_of(int y, int k) {
     return {model_.cell_samples(y, k), packed_.cell(model_.cell_index(y, k)), model_.sample_count};
 }
 
+// As much as a cell holds. The processor foresees no step to the next row.
+void CpuSegmenter::prefetch(const std::uint8_t* cell) const {
+    for (int c = 0; c < channels_; ++c) __builtin_prefetch(cell + c * kCellPixels);
+}
+
 // The density of the cells of rows [y0, y1) that are searched in this frame, or of those that are not.
 void CpuSegmenter::density_rows(const ImageView& image, int y0, int y1, int k0, int k1, bool searched) {
     const auto next = [&](int& y, int& k) {
@@ -221,6 +227,10 @@ void CpuSegmenter::density_rows(const ImageView& image, int y0, int y1, int k0, 
         const int this_y = y, this_k = k;
         next(y, k);
         const SamplesAhead ahead = y < y1 ? samples_ahead(y, k) : SamplesAhead{};
+        if (y < y1) {
+            prefetch(image.row(y) + static_cast<std::ptrdiff_t>(k) * kCellPixels * channels_);
+            prefetch(model_.cell_scale(y, k));
+        }
         const DensityLooks looks =
             cell_density(tables_, values, samples_of(this_y, this_k), model_.cell_scale(this_y, this_k),
                          channels_, 0, true, density, ahead);
