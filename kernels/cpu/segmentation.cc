@@ -12,6 +12,7 @@
 #include "kernels/cpu/foreground_colours.h"
 #include "kernels/cpu/packed_samples.h"
 #include "kernels/cpu/parallel.h"
+#include "kernels/cpu/scene_lookup.h"
 #include "kernels/cpu/segmentation_density.h"
 #include "kernels/cpu/segmentation_evidence.h"
 #include "kernels/cpu/segmentation_masks.h"
@@ -571,7 +572,8 @@ void CpuSegmenter::set_camera(const CameraModel& camera) {
     shadows_.set_camera(camera);
     scene_.vote_columns = (width_ + kde::kVoteBlock_px - 1) / kde::kVoteBlock_px;
     votes_.assign(static_cast<std::size_t>(scene_.vote_columns) *
-                      ((height_ + kde::kVoteBlock_px - 1) / kde::kVoteBlock_px),
+                          ((height_ + kde::kVoteBlock_px - 1) / kde::kVoteBlock_px) +
+                      kVotePadding,
                   0);
     scene_.votes = votes_.data();
     has_camera_ = true;

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "kernels/cpu/parallel.h"
+#include "kernels/cpu/scene_lookup.h"
 #include "kernels/cpu/segmentation_masks.h"
 #include "kernels/cpu/shadow_group.h"
 #include "kernels/shared/kde_density.h"
@@ -53,30 +54,33 @@ void ShadowJudge::measure_patches(const CellBox& box, const ShadowPlanes& planes
     });
 }
 
-// The lights that other cameras see at the floor points of a row of blocks, looked up once per block.
+// The lights that other cameras see at the floor points of a row of blocks.
 struct ShadowJudge::FloorLights {
-    struct Block {
-        int row = -1;
-        std::array<float, kde::kMaxFloorViews> light;  // per other camera
-    };
     kde::FloorGrid grid;
     const Projector* camera = nullptr;
     std::span<const kde::SceneView* const> others;
-    std::vector<Block> blocks;
+    std::vector<std::array<float, kde::kMaxFloorViews>> lights;  // per block, of each other camera
+    std::vector<int> wanted;                                     // scratch
 
-    template <int kChannels>
-    std::span<const float> at(int x, int y, const kde::EvidenceParameters& parameters) {
-        Block& block = blocks[x / kde::kFloorBlock_px];
-        const std::span<const float> lights(block.light.data(), others.size());
-        if (block.row == y / kde::kFloorBlock_px) return lights;
-        block.row = y / kde::kFloorBlock_px;
-        float floor_x, floor_y;
-        const bool floor = kde::floor_point(grid, *camera, kde::block_centre<kde::kFloorBlock_px>(x),
-                                            kde::block_centre<kde::kFloorBlock_px>(y), floor_x, floor_y);
-        for (std::size_t n = 0; n < others.size(); ++n)
-            block.light[n] =
-                floor ? kde::light_of_floor<kChannels>(*others[n], floor_x, floor_y, parameters) : -1;
-        return lights;
+    // For the blocks of row `y` that hold `wanted`.
+    void look_up(int y, const kde::EvidenceParameters& parameters) {
+        constexpr int kBlock = kde::kFloorBlock_px;
+        for (std::size_t first = 0; first < wanted.size(); first += kPointsPerLookup) {
+            const int count =
+                static_cast<int>(std::min<std::size_t>(kPointsPerLookup, wanted.size() - first));
+            FloorPoints points{};
+            unsigned floor = 0;
+            for (int n = 0; n < count; ++n)
+                if (kde::floor_point(grid, *camera, kde::block_centre<kBlock>(wanted[first + n] * kBlock),
+                                     kde::block_centre<kBlock>(y), points.x[n], points.y[n]))
+                    floor |= 1u << n;
+            for (std::size_t view = 0; view < others.size(); ++view) {
+                float light[kPointsPerLookup];
+                lights_of_floor(*others[view], points, parameters, light);
+                for (int n = 0; n < count; ++n)
+                    lights[wanted[first + n]][view] = floor >> n & 1 ? light[n] : -1;
+            }
+        }
     }
 };
 
@@ -99,9 +103,7 @@ struct ShadowJudge::Supports {
         kde::SupportRay ray;
         const bool known =
             kde::support_ray(grid, *camera, kde::block_centre<kBlock>(x), kde::block_centre<kBlock>(y), ray);
-        block.support = known ? kde::support_of(ray, static_cast<int>(others.size()),
-                                                [&](int n) -> const kde::SceneView& { return *others[n]; })
-                              : kde::kUnknownSupport;
+        block.support = known ? support_of(ray, others) : kde::kUnknownSupport;
         return block.support;
     }
 };
@@ -153,9 +155,26 @@ void ShadowJudge::find_doubtful(int y, const GroupSpan& span, const ShadowPlanes
     judged_span_[y] = judged;
 }
 
-template <int kChannels>
+// Looks up the floor's light for the blocks of rows [y0, y1), one row of blocks, with doubtful pixels.
+void ShadowJudge::find_lights(int y0, int y1, const kde::EvidenceParameters& parameters,
+                              FloorLights& floor) const {
+    constexpr int kBlocks = kGroupPixels / kde::kFloorBlock_px;
+    GroupSpan span;
+    for (int y = y0; y < y1; ++y) span.include(judged_span_[y]);
+    floor.wanted.clear();
+    for (int g = span.g0; g < span.g1; ++g) {
+        unsigned doubtful = 0;
+        for (int y = y0; y < y1; ++y)
+            if (g >= judged_span_[y].g0 && g < judged_span_[y].g1)
+                doubtful |= doubtful_[static_cast<std::size_t>(y) * groups_per_row_ + g];
+        for (int block = 0; block < kBlocks; ++block, doubtful >>= kde::kFloorBlock_px)
+            if (doubtful & ((1u << kde::kFloorBlock_px) - 1)) floor.wanted.push_back(g * kBlocks + block);
+    }
+    floor.look_up(y0, parameters);
+}
+
 void ShadowJudge::judge_row(int y, const ShadowPlanes& planes, const kde::EvidenceParameters& parameters,
-                            FloorLights& floor) {
+                            int channels, const FloorLights& floor) {
     float *evidence = planes.evidence->row(y), *voted = planes.voted->row(y);
     std::uint8_t* changed =
         changed_.data() + static_cast<std::size_t>(y / kde::kVoteBlock_px) * planes.vote_columns;
@@ -171,7 +190,7 @@ void ShadowJudge::judge_row(int y, const ShadowPlanes& planes, const kde::Eviden
         for (int block = 0; block < kFloorBlocks; ++block) {
             const int i = block * kde::kFloorBlock_px;
             const bool asked = doubtful >> i & ((1u << kde::kFloorBlock_px) - 1);
-            const auto lights = asked ? floor.at<kChannels>(x0 + i, y, parameters) : std::span<const float>();
+            const auto& lights = floor.lights[(x0 + i) / kde::kFloorBlock_px];
             for (int n = 0; n < group.view_count; ++n)
                 group.floor_light[n][block] = asked ? lights[n] : -1.0f;
         }
@@ -180,7 +199,7 @@ void ShadowJudge::judge_row(int y, const ShadowPlanes& planes, const kde::Eviden
                         planes.neighbourhood->row(y) + x0, planes.misfit->row(y) + x0, planes.factor->stride};
         group.distance = planes.distance->row(y) + x0;
         group.colour = planes.colour->row(y) + x0;
-        shadow_group(kChannels, parameters.shadow, group);
+        shadow_group(channels, parameters.shadow, group);
         for (unsigned left = doubtful; left != 0; left &= left - 1) {
             const int i = std::countr_zero(left);
             if (observer_) {
@@ -271,14 +290,14 @@ void ShadowJudge::judge(const CellBox& box, std::span<const GroupSpan> active_sp
     });
     measure_patches(box, planes, model.channels);
     parallel_for(first_task, last_task, 1, [&](int task, int) {
-        FloorLights floor{grid(), &camera_, others, {}};
-        floor.blocks.resize(model.width / kde::kFloorBlock_px + 1);
-        rows(task, [&](int y) {
-            if (model.channels == 1)
-                judge_row<1>(y, planes, parameters, floor);
-            else
-                judge_row<3>(y, planes, parameters, floor);
-        });
+        FloorLights floor{grid(), &camera_, others, {}, {}};
+        floor.lights.resize(static_cast<std::size_t>(groups_per_row_) * (kGroupPixels / kde::kFloorBlock_px));
+        const int end = std::min((task + 1) * kRowsPerTask, box.y1);
+        for (int y0 = std::max(task * kRowsPerTask, box.y0), y1; y0 < end; y0 = y1) {
+            y1 = std::min((y0 / kde::kFloorBlock_px + 1) * kde::kFloorBlock_px, end);
+            find_lights(y0, y1, parameters, floor);
+            for (int y = y0; y < y1; ++y) judge_row(y, planes, parameters, model.channels, floor);
+        }
     });
     add_votes(box, planes);
 }

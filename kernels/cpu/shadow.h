@@ -52,9 +52,9 @@ class ShadowJudge {
     void find_doubtful(int y, const GroupSpan& span, const ShadowPlanes& planes, const BackgroundModel& model,
                        float limit, Supports& supports);
     void measure_patches(const CellBox& box, const ShadowPlanes& planes, int channels) const;
-    template <int kChannels>
-    void judge_row(int y, const ShadowPlanes& planes, const kde::EvidenceParameters& parameters,
-                   FloorLights& floor);
+    void find_lights(int y0, int y1, const kde::EvidenceParameters& parameters, FloorLights& floor) const;
+    void judge_row(int y, const ShadowPlanes& planes, const kde::EvidenceParameters& parameters, int channels,
+                   const FloorLights& floor);
     void add_votes(const CellBox& box, const ShadowPlanes& planes);
     kde::FloorGrid grid() const;
 

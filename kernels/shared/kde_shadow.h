@@ -75,12 +75,13 @@ KINEVOX_HD KINEVOX_INLINE F log_of(F x) {
     return 0.6931472f * (to_floats<F>(exponent) + p);
 }
 
+inline constexpr float kMaxFloorResidual = 12;  // variances per pixel
+inline constexpr float kMaxFloorLight = 1.12f;
+
 // The light of a floor point in a camera over that of its background, 1 in unchanged light; negative where
 // the camera does not see the point or sees something else there.
 template <int kChannels>
 KINEVOX_HD inline float light_of_floor(const SceneView& view, float x, float y, const EvidenceParameters& p) {
-    constexpr float kMaxResidual = 12;  // variances per pixel
-    constexpr float kMaxLight = 1.12f;
     float u, v;
     if (!to_pixel(view.camera, to_camera(view.camera, x, y, 0), u, v)) return -1;
     const int cu = to_index(u), cv = to_index(v);
@@ -116,7 +117,7 @@ KINEVOX_HD inline float light_of_floor(const SceneView& view, float x, float y, 
         variances += scaled_variance(r, s * s, p);
     }
     const float light = product / energy;
-    return residual * scales > 5 * kMaxResidual * variances || light > kMaxLight ? -1.0f : light;
+    return residual * scales > 5 * kMaxFloorResidual * variances || light > kMaxFloorLight ? -1.0f : light;
 }
 
 inline constexpr float kUnknownOver = -1000;  // below every other
