@@ -148,7 +148,7 @@ absl::Status get_status(const ApiContext& api, v1::GetStatusResponse& response) 
     fill_subscribers(api, response);
     if (api.calibration.active && !replayed)
         response.set_active_calibration_id(api.calibration.active->active());
-    if (const auto report = api.quality && !replayed ? api.quality->report() : std::nullopt)
+    if (const auto report = api.quality && !replayed ? api.quality->report() : nullptr)
         fill_quality(*report, *response.mutable_quality());
     return absl::OkStatus();
 }

@@ -29,14 +29,14 @@ LiveQuality::~LiveQuality() {
 void LiveQuality::set_background(std::vector<Camera> cameras,
                                  std::shared_ptr<const std::vector<std::vector<Image>>> background) {
     const std::scoped_lock lock(mutex_);
-    cameras_ = std::move(cameras);
+    cameras_ = std::make_shared<const std::vector<Camera>>(std::move(cameras));
     background_ = std::move(background);
     begin_again();
 }
 
 void LiveQuality::set_cameras(std::vector<Camera> cameras) {
     const std::scoped_lock lock(mutex_);
-    cameras_ = std::move(cameras);
+    cameras_ = std::make_shared<const std::vector<Camera>>(std::move(cameras));
     begin_again();
 }
 
@@ -72,7 +72,7 @@ void LiveQuality::observe(const FrameResult& result, const BodyOf& body_of) {
     changed_.notify_all();
 }
 
-std::optional<QualityReport> LiveQuality::report() const {
+std::shared_ptr<const QualityReport> LiveQuality::report() const {
     const std::scoped_lock lock(mutex_);
     return report_;
 }
@@ -81,7 +81,7 @@ void LiveQuality::work() {
     for (;;) {
         std::unique_ptr<Observed> one;
         bool restart = false;
-        std::vector<Camera> cameras;
+        std::shared_ptr<const std::vector<Camera>> cameras;
         std::shared_ptr<const std::vector<std::vector<Image>>> background;
         ObserverOptions observing{
             .max_side_px = options_.max_side_px, .max_samples = options_.samples, .latest = true};
@@ -101,7 +101,7 @@ void LiveQuality::work() {
             since_judged_ = 0;
         }
         // It learns the background; with the mutex held, observe() would wait for it.
-        if (!observer_) observer_ = std::make_unique<Observer>(cameras, *background, observing);
+        if (!observer_) observer_ = std::make_unique<Observer>(*cameras, *background, observing);
         judge_one(std::move(one));
     }
 }
@@ -142,8 +142,8 @@ void LiveQuality::judge_one(std::unique_ptr<Observed> one) {
     const bool empty_room =
         seen.pose.subject_fraction == 0 &&
         std::ranges::none_of(seen.cameras, [](const auto& camera) { return camera.seen_fraction > 0.5; });
-    std::optional<QualityReport> report;
-    if (!empty_room) report = judge_worst(subjects);
+    std::shared_ptr<const QualityReport> report;
+    if (!empty_room) report = std::make_shared<const QualityReport>(judge_worst(subjects));
     const std::scoped_lock lock(mutex_);
     if (!restart_) report_ = std::move(report);
 }

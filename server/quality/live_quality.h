@@ -44,8 +44,8 @@ class LiveQuality {
     void set_judge_faint(bool judge);
     // Each result, and the bodies it was measured with.
     void observe(const FrameResult& result, const BodyOf& body_of);
-    // Empty until enough was observed, and while nothing moves in the scene.
-    std::optional<QualityReport> report() const;
+    // Null until enough was observed, and while nothing moves in the scene.
+    std::shared_ptr<const QualityReport> report() const;
 
   private:
     struct Observed {
@@ -66,11 +66,11 @@ class LiveQuality {
     mutable std::mutex mutex_;  // guards the members down to the blank line
     std::condition_variable changed_;
     bool closing_ = false, restart_ = false, judge_faint_ = false;
-    std::vector<Camera> cameras_;
+    std::shared_ptr<const std::vector<Camera>> cameras_;
     std::shared_ptr<const std::vector<std::vector<Image>>> background_;
     std::unique_ptr<Observed> next_;
     std::int64_t last_time_ns_ = 0;
-    std::optional<QualityReport> report_;
+    std::shared_ptr<const QualityReport> report_;
 
     std::unique_ptr<Observer> observer_;         // these are the thread's own
     std::map<std::uint32_t, Subject> subjects_;  // by id; 0 alone if one is followed

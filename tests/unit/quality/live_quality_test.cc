@@ -52,7 +52,7 @@ FrameResult result_at(std::uint64_t sequence) {
     return result;
 }
 
-std::optional<QualityReport> report_of(LiveQuality& quality) {
+std::shared_ptr<const QualityReport> report_of(LiveQuality& quality) {
     const auto deadline = steady_clock::now() + std::chrono::seconds(30);
     for (std::uint64_t n = 1; steady_clock::now() < deadline && !quality.report(); ++n) {
         quality.observe(result_at(n), no_body);
