@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <fstream>
 #include <limits>
 #include <string>
@@ -13,6 +12,7 @@
 #include <vector>
 
 #include "common/files.h"
+#include "common/median.h"
 #include "common/session_file.h"
 #include "common/toml_reader.h"
 #include "server/pose/body_shape.h"
@@ -191,14 +191,6 @@ void ProgressBar::show(std::int64_t done) {
     }
 }
 
-double quantile(std::vector<double> values, double q) {
-    if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-    const auto rank =
-        static_cast<std::size_t>(std::max(0.0, std::ceil(q * static_cast<double>(values.size())) - 1));
-    std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(rank), values.end());
-    return values[rank];
-}
-
 void RunSummary::add(const FrameResult& result) {
     times_.push_back(result.times);
     for (const SubjectResult& subject : result.subjects)
@@ -220,15 +212,19 @@ std::string RunSummary::text(double wall_s) const {
     std::string out =
         fmt::format("{} frame sets in {:.1f} s ({:.1f} per second), {} with a volume\n", frames(), wall_s,
                     static_cast<double>(frames()) / std::max(wall_s, 1e-9), litres_.size());
-    if (!litres_.empty())
-        out += fmt::format("volume {:.1f} to {:.1f} litres, median {:.1f}\n", quantile(litres_, 0),
-                           quantile(litres_, 1), quantile(litres_, 0.5));
+    if (!litres_.empty()) {
+        const auto [low, high] = std::ranges::minmax(litres_);
+        std::vector<double> litres = litres_;
+        out += fmt::format("volume {:.1f} to {:.1f} litres, median {:.1f}\n", low, high, median_of(litres));
+    }
     out += fmt::format("{:<14}{:>10}{:>10}\n", "ms", "median", "p99");
     for (const Row& row : kRows) {
         std::vector<double> values;
         for (const StageTimes& times : times_) values.push_back(times.*row.value);
-        out += fmt::format("{:<14}{:>10.3f}{:>10.3f}\n", row.name, quantile(values, 0.5),
-                           quantile(values, 0.99));
+        const auto quantile = [&](double fraction) {
+            return values.empty() ? std::numeric_limits<double>::quiet_NaN() : quantile_of(values, fraction);
+        };
+        out += fmt::format("{:<14}{:>10.3f}{:>10.3f}\n", row.name, quantile(0.5), quantile(0.99));
     }
     return out;
 }

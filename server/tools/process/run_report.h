@@ -56,7 +56,4 @@ class RunSummary {
     std::vector<double> litres_;
 };
 
-// Of values in any order; q in 0..1, nearest rank. NaN for none.
-double quantile(std::vector<double> values, double q);
-
 }  // namespace kinevox
