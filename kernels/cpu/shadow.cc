@@ -19,7 +19,8 @@ using kde::kGroupPixels;
 using kde::kPatchRadius;
 
 constexpr int kRowsPerTask = 16;
-static_assert(kRowsPerTask % kde::kFloorBlock_px == 0);  // a block is looked up by one task
+constexpr std::size_t kHalves = kGroupPixels / kde::kSupportBlock_px;  // of a group
+static_assert(kRowsPerTask % kde::kFloorBlock_px == 0);                // a block is looked up by one task
 static_assert(kRowsPerTask % kde::kSupportBlock_px == 0);
 static_assert(kRowsPerTask % kde::kVoteBlock_px == 0);
 
@@ -59,7 +60,7 @@ struct ShadowJudge::FloorLights {
     kde::FloorGrid grid;
     const Projector* camera = nullptr;
     std::span<const kde::SceneView* const> others;
-    std::vector<std::array<float, kde::kMaxFloorViews>> lights;  // per block, of each other camera
+    std::array<std::vector<float>, kde::kMaxFloorViews> lights;  // of each other camera, per block
     std::vector<int> wanted;                                     // scratch
 
     // For the blocks of row `y` that hold `wanted`.
@@ -78,7 +79,7 @@ struct ShadowJudge::FloorLights {
                 float light[kPointsPerLookup];
                 lights_of_floor(*others[view], points, parameters, light);
                 for (int n = 0; n < count; ++n)
-                    lights[wanted[first + n]][view] = floor >> n & 1 ? light[n] : -1;
+                    lights[view][wanted[first + n]] = floor >> n & 1 ? light[n] : -1;
             }
         }
     }
@@ -140,7 +141,7 @@ void ShadowJudge::find_doubtful(int y, const GroupSpan& span, const ShadowPlanes
             const unsigned block = doubtful & 0xffu << half * kHalf;
             if (block == 0) continue;
             const float support = supports.at(x0 + half * kHalf, y);
-            support_[static_cast<std::size_t>(y) * groups_per_row_ + g][half] = support;
+            support_[kHalves * (static_cast<std::size_t>(y) * groups_per_row_ + g) + half] = support;
             if (support >= kde::kMinSupport) continue;
             for (unsigned left = block; left != 0; left &= left - 1) {
                 const int i = std::countr_zero(left);
@@ -187,14 +188,9 @@ void ShadowJudge::judge_row(int y, const ShadowPlanes& planes, const kde::Eviden
         const unsigned doubtful = doubtful_[at];
         if (doubtful == 0) continue;
         const int x0 = g * kGroupPixels;
-        for (int block = 0; block < kFloorBlocks; ++block) {
-            const int i = block * kde::kFloorBlock_px;
-            const bool asked = doubtful >> i & ((1u << kde::kFloorBlock_px) - 1);
-            const auto& lights = floor.lights[(x0 + i) / kde::kFloorBlock_px];
-            for (int n = 0; n < group.view_count; ++n)
-                group.floor_light[n][block] = asked ? lights[n] : -1.0f;
-        }
-        group.support = support_[at];
+        for (int n = 0; n < group.view_count; ++n)
+            group.floor_light[n] = floor.lights[n].data() + x0 / kde::kFloorBlock_px;
+        group.support = support_.data() + kHalves * at;
         group.pixels = {planes.factor->row(y) + x0, planes.residual->row(y) + x0,
                         planes.neighbourhood->row(y) + x0, planes.misfit->row(y) + x0, planes.factor->stride};
         group.distance = planes.distance->row(y) + x0;
@@ -272,7 +268,7 @@ void ShadowJudge::judge(const CellBox& box, std::span<const GroupSpan> active_sp
                         std::span<const kde::SceneView* const> others) {
     groups_per_row_ = model.cells_per_row * (kCellPixels / kGroupPixels);
     doubtful_.resize(active_span.size() * groups_per_row_);
-    support_.resize(doubtful_.size());
+    support_.resize(kHalves * doubtful_.size() + kBlockPadding);
     judged_span_.resize(active_span.size());
     constexpr int kBlock = kde::kVoteBlock_px;
     changed_.assign((active_span.size() + kBlock - 1) / kBlock * planes.vote_columns, 0);
@@ -291,7 +287,8 @@ void ShadowJudge::judge(const CellBox& box, std::span<const GroupSpan> active_sp
     measure_patches(box, planes, model.channels);
     parallel_for(first_task, last_task, 1, [&](int task, int) {
         FloorLights floor{grid(), &camera_, others, {}, {}};
-        floor.lights.resize(static_cast<std::size_t>(groups_per_row_) * (kGroupPixels / kde::kFloorBlock_px));
+        for (std::size_t n = 0; n < others.size(); ++n)
+            floor.lights[n].resize(groups_per_row_ * (kGroupPixels / kde::kFloorBlock_px) + kBlockPadding);
         const int end = std::min((task + 1) * kRowsPerTask, box.y1);
         for (int y0 = std::max(task * kRowsPerTask, box.y0), y1; y0 < end; y0 = y1) {
             y1 = std::min((y0 / kde::kFloorBlock_px + 1) * kde::kFloorBlock_px, end);

@@ -1,7 +1,6 @@
 // Subject or shadow, on the CPU: gives doubtful pixels their evidence by the rule of shared/kde_shadow.h.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -58,10 +57,10 @@ class ShadowJudge {
     void add_votes(const CellBox& box, const ShadowPlanes& planes);
     kde::FloorGrid grid() const;
 
-    // Of the frame: per group its pixels that the rule decides, as bits, and their support; per row the
-    // groups from the first to the last with such pixels.
+    // Of the frame: per group its pixels that the rule decides, as bits, and the support of its halves; per
+    // row the groups from the first to the last with such pixels.
     std::vector<std::uint16_t> doubtful_;
-    std::vector<std::array<float, 2>> support_;
+    std::vector<float> support_;
     std::vector<GroupSpan> judged_span_;
     // Per block of kde::kVoteBlock_px: pixels that the votes would change; whether they may.
     std::vector<std::uint8_t> changed_, added_;

@@ -43,17 +43,16 @@ using kde::kCellPixels;
 using kde::kGroupPixels;
 using kde::kPatchRadius;
 
-// The values of a group's blocks of kWidth pixels, for kShadowLanes pixels from `first` on. Built in a
-// register, since a vector cannot be loaded at once from memory that was just written in pieces.
+// The values of a group's blocks of kWidth pixels, for kShadowLanes pixels from `first` on.
 template <int kWidth>
 ShadowFloats spread(const float* of_block, [[maybe_unused]] int first) {
 #ifdef __clang__
     return of_block[first / kWidth];
 #else
     static_assert(kShadowLanes == kGroupPixels);
-    ShadowFloats out{};
-    for (int lane = 0; lane < kGroupPixels; ++lane) out[lane] = of_block[lane / kWidth];
-    return out;
+    ShadowIntegers block;
+    for (int lane = 0; lane < kGroupPixels; ++lane) block[lane] = lane / kWidth;
+    return __builtin_shuffle(kde::load<ShadowFloats>(of_block), block);
 #endif
 }
 
@@ -66,7 +65,7 @@ void group_of(const kde::ShadowRule& rule, ShadowGroup& group) {
             {p.factor + i, p.residual + i, p.neighbourhood + i, p.misfit + i, p.stride}, group.noise_factor);
         for (int n = 0; n < group.view_count; ++n)
             kde::add_floor_light(e, spread<kde::kFloorBlock_px>(group.floor_light[n], i));
-        e.support = spread<kde::kSupportBlock_px>(group.support.data(), i);
+        e.support = spread<kde::kSupportBlock_px>(group.support, i);
         const auto odds = kde::shadow_log_odds(e, rule);
         std::memcpy(group.own + i, &odds.own, sizeof odds.own);
         std::memcpy(group.voted + i, &odds.voted, sizeof odds.voted);

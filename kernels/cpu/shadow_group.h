@@ -2,7 +2,6 @@
 // Highway is there.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 
@@ -10,15 +9,16 @@
 
 namespace kinevox::kernels::cpu {
 
-inline constexpr int kFloorBlocks = kde::kGroupPixels / kde::kFloorBlock_px;  // of a group
+// Floats after a group's last block that are read and not used.
+inline constexpr int kBlockPadding = kde::kGroupPixels;
 
 // 16 pixels of a row.
 struct ShadowGroup {
     kde::ShadowPixels pixels;
     float noise_factor = 1;                                  // see kde::noise_factor()
     int view_count = 0;                                      // other cameras
-    float floor_light[kde::kMaxFloorViews][kFloorBlocks];    // negative: not known
-    std::array<float, 2> support;                            // of its halves
+    const float* floor_light[kde::kMaxFloorViews];           // of its blocks; negative: not known
+    const float* support = nullptr;                          // of its halves
     const float *distance = nullptr, *colour = nullptr;      // see EvidenceRows
     float own[kde::kGroupPixels], voted[kde::kGroupPixels];  // see kde::ShadowLogOdds
     bool with_features = false;
