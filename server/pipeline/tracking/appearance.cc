@@ -6,6 +6,8 @@
 #include <optional>
 #include <vector>
 
+#include "server/pipeline/for_each_camera.h"
+
 namespace kinevox {
 namespace {
 
@@ -38,22 +40,21 @@ float chromaticity_bin(float value, int count) {
     return (compressed / kMaxChromaticity + 1) / 2 * static_cast<float>(count - 1);
 }
 
-// The mean of 3 x 3 pixels inside the sharp silhouette; false on its border.
-bool colour_at(const AppearanceView& view, Vec2 pixel, kernels::Colour& colour) {
+// The mean of 3 x 3 pixels inside the sharp silhouette; none on its border.
+std::optional<kernels::Colour> colour_at(const AppearanceView& view, Vec2 pixel) {
     const kernels::ImageView& image = view.image;
     if (!(pixel.x >= 1 && pixel.y >= 1 && pixel.x < image.width - 2 && pixel.y < image.height - 2))
-        return false;
+        return std::nullopt;
     const auto u = static_cast<int>(std::lround(pixel.x)), v = static_cast<int>(std::lround(pixel.y));
     int sum[3] = {0, 0, 0};
     for (int y = v - 1; y <= v + 1; ++y)
         for (int x = u - 1; x <= u + 1; ++x) {
-            if (!view.silhouettes->sharp[static_cast<std::size_t>(y) * image.width + x]) return false;
+            if (!view.silhouettes->sharp[static_cast<std::size_t>(y) * image.width + x]) return std::nullopt;
             const std::uint8_t* const bgr = image.row(y) + static_cast<std::ptrdiff_t>(x) * image.channels;
             for (int k = 0; k < 3; ++k) sum[k] += bgr[image.channels == 3 ? k : 0];
         }
     const auto mean = [](int total) { return static_cast<std::uint8_t>((total + 4) / 9); };
-    colour = {mean(sum[2]), mean(sum[1]), mean(sum[0])};
-    return true;
+    return kernels::Colour{mean(sum[2]), mean(sum[1]), mean(sum[0])};
 }
 
 // Whether the line from a cell to a point leaves the body at once and meets nothing.
@@ -143,16 +144,24 @@ Appearance appearance_of(const OccupiedCells& grid, const Cells& body,
     std::vector<Vec3> centres;
     for (const AppearanceView& view : views) centres.push_back(view.camera->centre_in_world());
     const std::size_t stride = std::max<std::size_t>(1, body.size() / kMaxSampledCells);
-    for (std::size_t n = 0; n < body.size(); n += stride) {
-        const Vec3 cell = grid.centre_in_world(body[n]);
-        ColourHistogram& band = out.colours[band_of(cell.z, out.top_m)];
-        for (std::size_t c = 0; c < views.size(); ++c) {
-            const AppearanceView& view = views[c];
-            if (!view.image.data || !view.silhouettes || !sees(grid, cell, centres[c])) continue;
-            const std::optional<Vec2> pixel = view.camera->project(cell);
-            kernels::Colour colour;
-            if (pixel && colour_at(view, *pixel, colour)) band.add(colour);
+    std::vector<Vec3> cells;
+    for (std::size_t n = 0; n < body.size(); n += stride) cells.push_back(grid.centre_in_world(body[n]));
+    std::vector<std::vector<std::optional<kernels::Colour>>> colours(views.size());
+    for_each_camera(views.size(), [&](std::size_t c) {
+        const AppearanceView& view = views[c];
+        if (!view.image.data || !view.silhouettes) return;
+        colours[c].resize(cells.size());
+        for (std::size_t n = 0; n < cells.size(); ++n) {
+            if (!sees(grid, cells[n], centres[c])) continue;
+            const std::optional<Vec2> pixel = view.camera->project(cells[n]);
+            if (pixel) colours[c][n] = colour_at(view, *pixel);
         }
+    });
+    // In one order, so that the sums do not depend on the threads.
+    for (std::size_t n = 0; n < cells.size(); ++n) {
+        ColourHistogram& band = out.colours[band_of(cells[n].z, out.top_m)];
+        for (const auto& of_view : colours)
+            if (!of_view.empty() && of_view[n]) band.add(*of_view[n]);
     }
     return out;
 }
