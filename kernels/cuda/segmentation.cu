@@ -1,4 +1,4 @@
-// Segmentation on the device, step for step as kernels/cpu/segmentation.cc, for all cameras of a frame set at
+// Segmentation on the device, step for step as kernels/cpu/segmenter.h, for all cameras of a frame set at
 // once: begin_frame() uploads an image, and the first decide() uploads what else is new of all cameras,
 // queues all steps, waits once and keeps the results for the others. The host learns the first model and
 // keeps the subject's colours.

@@ -1,5 +1,5 @@
 // The steps of segmentation on the device, each queued on a stream for all cameras of a frame set at once;
-// kernels/cpu/segmentation.cc explains them. Nothing returns to the host between them: what one step finds
+// kernels/cpu/segmenter.h explains them. Nothing returns to the host between them: what one step finds
 // out for the next (the image's gain, the active box, the lists of cells) stays in CameraState. Data are
 // stored in cells of 64 pixels as in kernels/cpu/segmentation_model.h, masks as a bit per pixel.
 #pragma once
