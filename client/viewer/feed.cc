@@ -102,7 +102,7 @@ ConnectionStatus Feed::connection() const {
     status.server = options_.server;
     status.connected = connected_;
     status.error_message = error_message_;
-    status.idle_s = std::chrono::duration<double>(Clock::now() - latest_message_time_).count();
+    status.idle_s = since_message_.seconds();
     return status;
 }
 
@@ -129,7 +129,7 @@ void Feed::show_previews(PreviewKind kind) {
 }
 
 void Feed::mark_alive() {
-    latest_message_time_ = Clock::now();
+    since_message_ = {};
     connected_ = true;
     error_message_.clear();
 }
@@ -209,7 +209,7 @@ void Feed::run_states(const std::stop_token& stop) {
     std::string cameras_of;  // source and calibration of the latest ListCameras
     while (!stop.stop_requested()) {
         DaemonState state;
-        state.requested_at = Clock::now();
+        state.requested_at = std::chrono::steady_clock::now();
         auto status = client.status();
         if (status.ok()) {
             if (auto recorder = client.recorder_status(); recorder.ok())

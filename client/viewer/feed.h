@@ -21,6 +21,7 @@
 #include "client/lib/client.h"
 #include "client/viewer/shown.h"
 #include "common/camera.h"
+#include "common/stopwatch.h"
 #include "kinevox/v1/capture_service.pb.h"
 #include "kinevox/v1/recording_service.pb.h"
 #include "kinevox/v1/replay_service.pb.h"
@@ -103,7 +104,6 @@ class Feed final : public QObject {
                         quint32 subject_id);  // v1::EventKind; UTC; 0: no subject
 
   private:
-    using Clock = std::chrono::steady_clock;
     void run_until_stopped(const std::stop_token& stop, const std::function<absl::Status()>& stream);
     void run_volumes(const std::stop_token& stop);
     void run_poses(const std::stop_token& stop);
@@ -121,7 +121,7 @@ class Feed final : public QObject {
     std::map<std::string, QImage> previews_;
     bool connected_ = false;
     std::string error_message_ = "connecting";
-    Clock::time_point latest_message_time_ = Clock::now();
+    Stopwatch since_message_;
     PreviewKind preview_kind_ = PreviewKind::kNone;
 
     std::condition_variable_any wake_;

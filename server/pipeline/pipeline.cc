@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <exception>
 #include <limits>
 #include <mutex>
@@ -15,6 +14,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "common/stopwatch.h"
 #include "kernels/projection.h"
 #include "server/pipeline/convert.h"
 #include "server/pipeline/for_each_camera.h"
@@ -30,26 +30,6 @@ namespace {
 constexpr int kExpectedDilation = 40;  // 1/40 of the image height
 
 constexpr float kMaxHidden = 0.15f;  // of a subject by nearer ones, in a view that colours it
-
-using Clock = std::chrono::steady_clock;
-
-double to_ms(Clock::duration time) {
-    return std::chrono::duration<double, std::milli>(time).count();
-}
-
-// Milliseconds since the construction or the last call.
-class LapTimer {
-  public:
-    double lap_ms() {
-        const auto now = Clock::now();
-        const double ms = to_ms(now - lap_);
-        lap_ = now;
-        return ms;
-    }
-
-  private:
-    Clock::time_point lap_ = Clock::now();
-};
 
 // Reconstructions for reuse, so that the memory of their volumes is kept. Thread safe.
 class SpareReconstructions {
@@ -134,7 +114,7 @@ class StagedPipeline final : public Pipeline {
     kernels::SegmentationPrior expectation(std::size_t camera, const kernels::SegmentationPrior& tracked);
     void segment(FrameResult& result);
     void track(FrameResult& result);
-    void reconstruct_subjects(Reconstruction& work, LapTimer& timer);
+    void reconstruct_subjects(Reconstruction& work, Stopwatch& timer);
     void carve(const FrameResult& result, const SceneSubject& subject, SubjectReconstruction& work);
     void carve_with(Stages& stages, const SceneSubject& subject, SubjectReconstruction& work);
     kernels::HullCarver& carver_of(Stages& stages) const;
@@ -440,7 +420,7 @@ void StagedPipeline::finish_subject(const SceneSubject& tracked, SubjectReconstr
 }
 
 // From the hulls to the colours.
-void StagedPipeline::reconstruct_subjects(Reconstruction& work, LapTimer& timer) {
+void StagedPipeline::reconstruct_subjects(Reconstruction& work, Stopwatch& timer) {
     FrameResult& result = *work.result;
     if (work.subjects.size() < tracked_.size()) work.subjects.resize(tracked_.size());
     shapes_.clear();
@@ -465,7 +445,7 @@ void StagedPipeline::reconstruct_subjects(Reconstruction& work, LapTimer& timer)
 }
 
 absl::StatusOr<std::unique_ptr<Reconstruction>> StagedPipeline::reconstruct(FrameSet frame_set) {
-    const Clock::time_point arrived = Clock::now();
+    const Stopwatch since_arrival;
     if (!learned_)
         return absl::FailedPreconditionError(
             "the background is not learned; learn it with the scene empty first");
@@ -480,7 +460,7 @@ absl::StatusOr<std::unique_ptr<Reconstruction>> StagedPipeline::reconstruct(Fram
     if (frame_set.after_discontinuity)
         if (absl::Status forgotten = forget_frames(); !forgotten.ok()) return forgotten;
     std::unique_ptr<Reconstruction> work = spare_.take();
-    work->arrived = arrived;
+    work->since_arrival = since_arrival;
     work->result = results_.take();
     work->first_of_track = std::exchange(track_forgotten_, false);
     FrameResult& result = *work->result;
@@ -489,7 +469,7 @@ absl::StatusOr<std::unique_ptr<Reconstruction>> StagedPipeline::reconstruct(Fram
     result.times.decode_ms = frame_set.decode_ms;
     result.frame_set = std::move(frame_set);
     try {
-        LapTimer timer;
+        Stopwatch timer;
         segment(result);
         result.times.segmentation_ms = timer.lap_ms();
         track(result);
@@ -583,12 +563,12 @@ absl::StatusOr<FrameResultPtr> StagedPipeline::pose(std::unique_ptr<Reconstructi
     if (work->first_of_track)
         for (PoseLane& lane : pose_lanes_) lane.stage->reset();
     if (!pose_lanes_.empty()) {
-        LapTimer timer;
+        Stopwatch timer;
         if (absl::Status posed = pose_subjects(*work); !posed.ok()) return posed;
         last_posed_ns_ = result->capture_time_ns;
         result->times.pose_ms = timer.lap_ms();
     }
-    result->times.total_ms = to_ms(Clock::now() - work->arrived);
+    result->times.total_ms = work->since_arrival.ms();
     spare_.give_back(std::move(work));
     return result;
 }

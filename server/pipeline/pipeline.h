@@ -5,13 +5,13 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
-#include <chrono>
 #include <cstddef>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "common/camera.h"
+#include "common/stopwatch.h"
 #include "kernels/colouring.h"
 #include "kernels/hull.h"
 #include "kernels/segmentation.h"
@@ -74,7 +74,7 @@ struct SubjectReconstruction {
 
 // A frame set with its volumes.
 struct Reconstruction {
-    std::chrono::steady_clock::time_point arrived;
+    Stopwatch since_arrival;
     std::shared_ptr<FrameResult> result;          // without the poses
     bool first_of_track = false;                  // the tracks were reset before it
     std::vector<SubjectReconstruction> subjects;  // as result->subjects; further ones are spare memory

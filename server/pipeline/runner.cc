@@ -350,7 +350,6 @@ absl::StatusOr<std::unique_ptr<Reconstruction>> Runner::reconstruct(Fetched fetc
 
     // Images only, so that an operator sees whether the scene is empty.
     auto images_only = std::make_unique<Reconstruction>();
-    images_only->arrived = std::chrono::steady_clock::now();
     images_only->result = std::make_shared<FrameResult>();
     images_only->result->sequence = frame_set.sequence;
     images_only->result->capture_time_ns = frame_set.capture_time_ns;

@@ -12,6 +12,7 @@
 #include <thread>
 #include <vector>
 
+#include "common/stopwatch.h"
 #include "server/cameras/aravis/live_source.h"
 #include "server/config/daemon_config.h"
 #include "tests/support/fake_gige/scene.h"
@@ -46,19 +47,16 @@ int main(int argc, char** argv) {
     if (!config.ok()) return fmt::print(stderr, "live_probe: {}\n", config.status().ToString()), 1;
     auto source = open_live_source(config->source.cameras);
     if (!source.ok()) return fmt::print(stderr, "live_probe: {}\n", source.status().ToString()), 1;
-    const auto begin = std::chrono::steady_clock::now();
-    const auto seconds_now = [&] {
-        return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    };
+    const Stopwatch running;
     std::mutex printing;
     (*source)->set_on_camera_event([&](const CameraEvent& event) {
         const std::scoped_lock lock(printing);
         fmt::print("{{\"event\": {}, \"camera\": {}, \"at_s\": {:.3f}, \"message\": \"{}\"}}\n",
-                   static_cast<int>(event.kind), event.camera, seconds_now(), event.message);
+                   static_cast<int>(event.kind), event.camera, running.seconds(), event.message);
         std::fflush(stdout);
     });
     std::jthread clock([&](const std::stop_token& stop) {
-        while (!stop.stop_requested() && seconds_now() < seconds)
+        while (!stop.stop_requested() && running.seconds() < seconds)
             std::this_thread::sleep_for(std::chrono::milliseconds(20));
         (*source)->stop();
     });
@@ -67,7 +65,7 @@ int main(int argc, char** argv) {
     for (;;) {
         auto set = (*source)->next();
         if (!set.ok()) break;
-        const double now_s = seconds_now();
+        const double now_s = running.seconds();
         if (sets > 0) {
             gaps += set->sequence - last - 1;
             max_gap_ms = std::max(max_gap_ms, (now_s - last_s) * 1000);
