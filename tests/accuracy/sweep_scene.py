@@ -225,6 +225,80 @@ def draw_scene(seed, trial, short=False, cameras=None, size=None, fps=None, fram
     }
 
 
+GROUP_MOTIONS = ("walk", "walk", "squat", "arm_raise", "stand", "punch", "kick", "jump", "jumping_jack")
+WALK_RADIUS_M, WALK_SPEED_M_PER_S = 1.35, 1.3  # of the studio's circle
+MIN_APART_M = 0.65  # between the centres of two people, who do not pass through each other
+
+
+def paths_apart(motions, seconds):
+    """The smallest distance of two people, by the studio's paths."""
+    nearest = math.inf
+    for step in range(int(10 * seconds)):
+        centres = []
+        for motion in motions:
+            x, y = motion["shift_m"]
+            if motion["name"] == "walk":
+                run = 0.1 * step * motion["speed"] + motion["start_s"]
+                angle = math.radians(motion["yaw_deg"]) + WALK_SPEED_M_PER_S * run / WALK_RADIUS_M
+                x, y = x + WALK_RADIUS_M * math.cos(angle), y + WALK_RADIUS_M * math.sin(angle)
+            centres.append((x, y))
+        nearest = min([nearest, *(math.dist(a, b) for i, a in enumerate(centres) for b in centres[:i])])
+    return nearest
+
+
+def draw_group_motions(rng, count, seconds):
+    """Motions of people who stay apart; each but the first may enter later or leave early."""
+    while True:
+        motions = []
+        for _ in range(count):
+            motion = draw_motion(rng, rng.choice(GROUP_MOTIONS))
+            shift = 0.5 if motion["name"] == "walk" else 1.4
+            motion["shift_m"] = [round(rng.uniform(-shift, shift), 3) for _ in range(2)]
+            motions.append(motion)
+        if paths_apart(motions, seconds) >= MIN_APART_M:
+            break
+    for motion in motions[1:]:
+        chance = rng.random()
+        if chance < 0.25:
+            motion["enter_s"] = round(rng.uniform(0.3, 0.6) * seconds, 2)
+        elif chance < 0.4:
+            motion["leave_s"] = round(rng.uniform(0.4, 0.7) * seconds, 2)
+    return motions
+
+
+def draw_group(seed, trial):
+    """The scene of a trial with two to four people, four to eight cameras of 640 x 480; in every third one is camouflaged."""
+    rng = random.Random(f"kinevox people {seed} {trial}")
+    count = rng.choices((2, 3, 4), (50, 30, 20))[0]
+    cameras = rng.choices((4, 5, 6, 8), (40, 20, 20, 20))[0] if count < 4 else rng.choice((6, 8))
+    rate, seconds = rng.choice((15, 20, 25, 25, 30)), rng.uniform(2.5, 3.5)
+    room = draw_room(rng)
+    motions = draw_group_motions(rng, count, seconds)
+    hidden = rng.randrange(count) if trial % 3 == 0 else None
+    subjects = []
+    for person in range(count):
+        camouflage = rng.choice(("trousers", "shirt")) if person == hidden else ""
+        subjects.append(draw_subject(rng) | draw_clothes(rng, room, camouflage))
+    return {
+        "seed": rng.randrange(1, 2**31),
+        "fps": float(rate),
+        "frames": int(seconds * rate),
+        "background_frames": 40,
+        "crf": rng.randint(10, 20),
+        "camouflage": "" if hidden is None else f"person {'abcd'[hidden]}",
+        "motion": motions[0],
+        "subject": subjects[0],
+        "room": room,
+        "light": draw_light(rng, False),
+        "sensor": {"noise_grey": round(rng.uniform(0.7, 3.0), 2), "shot_noise_grey": round(rng.uniform(0, 2.5), 2)},
+        "camera": draw_cameras(rng, "walk", cameras, (640, 480)),
+        "person": [
+            {"seed": rng.randrange(1, 2**31), "motion": motion, "subject": subject}
+            for motion, subject in zip(motions[1:], subjects[1:])
+        ],
+    }
+
+
 def toml_value(value):
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -235,6 +309,16 @@ def toml_value(value):
     return repr(value)
 
 
+def table_lines(header, table):
+    """A table after its header, its own tables last."""
+    name = header.strip("[]")
+    lines = ["", header, *(f"{k} = {toml_value(v)}" for k, v in table.items() if not isinstance(v, dict))]
+    for key, part in table.items():
+        if isinstance(part, dict):
+            lines += table_lines(f"[{name}.{key}]", part)
+    return lines
+
+
 def scene_toml(scene):
     """The scene file of `kinevox studio --scene`."""
     lines = [f"# Camouflage: {scene['camouflage'] or 'none'}."]
@@ -243,6 +327,5 @@ def scene_toml(scene):
     ]
     for name, table in scene.items():
         for part in table if isinstance(table, list) else [table] if isinstance(table, dict) else []:
-            lines += ["", f"[[{name}]]" if isinstance(table, list) else f"[{name}]"]
-            lines += [f"{k} = {toml_value(v)}" for k, v in part.items()]
+            lines += table_lines(f"[[{name}]]" if isinstance(table, list) else f"[{name}]", part)
     return "\n".join(lines) + "\n"
