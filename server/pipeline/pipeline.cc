@@ -65,7 +65,7 @@ struct ExpectedShape {
 // who may be twice as near, and so four times as large, as the others.
 PipelineOptions for_several(PipelineOptions options) {
     constexpr float kAreaRatio = 4;
-    if (options.tracker.whole_scene()) {
+    if (!options.tracker.one_person()) {
         options.segmentation.min_component_fraction /= kAreaRatio;
         options.segmentation.max_hole_fraction /= kAreaRatio;
     }

@@ -14,6 +14,8 @@ constexpr double kMaxPendingJump_m = 0.4;
 constexpr double kRememberInterval_s = 0.2;
 constexpr double kLoneInterval_s = 1;          // of a lone subject, so that it costs no time
 constexpr std::size_t kFirstObservations = 8;  // of it, at the shorter interval
+constexpr double kMinGroup_m = 0.7;            // extent of two people's volume
+constexpr double kMaxGrowthRatio = 1.5;        // of a lone person's volume
 constexpr double kApart_m = 0.2;  // between two subjects' boxes, if neither has cells of the other
 
 bool are_beside(const CellStatistics& a, const CellStatistics& b) {
@@ -105,6 +107,24 @@ void SceneTracker::observe_lone(const TrackedState& subject, std::int64_t time_n
             memory_.observe(subject.id, appearance_of(grid_, parts[0], views_));
     }
     memory_.place(subject.id, time_ns, subject.filter.centre_in_world());
+}
+
+bool SceneTracker::holds_several(const kernels::VoxelVolume& shape, const kernels::VoxelVolume& before) {
+    const Cells cells = grid_.cells_of(shape);
+    const CellStatistics whole = grid_.statistics(cells);
+    const Vec3 extent = whole.max_in_world - whole.min_in_world;
+    if (cells.empty() || std::max(extent.x, extent.y) < kMinGroup_m) return false;
+    const Cells alone = grid_.cells_of(before);
+    if (!alone.empty() &&
+        static_cast<double>(cells.size()) > kMaxGrowthRatio * static_cast<double>(alone.size()))
+        return true;
+    grid_.clear();
+    grid_.add(grid_.volume_of(cells));
+    int people = 0;
+    for (const Cells& part : grid_.parts(OccupiedCells::kFree))
+        if (is_upright(part))
+            for (const Cells& share : split_by_trunks(grid_, part)) people += is_upright(share);
+    return people >= 2;
 }
 
 Newcomer SceneTracker::lone_newcomer(std::int64_t time_ns) const {

@@ -85,6 +85,9 @@ class SceneTracker {
     void observe_lone(const TrackedState& subject, std::int64_t time_ns,
                       const std::vector<const kernels::Silhouettes*>& silhouettes,
                       std::span<const kernels::ImageView> images);
+    // While Tracker follows a lone subject: whether its volume is of several people: more than one trunk, or
+    // half as large again as `before`, when it was alone (may be empty).
+    bool holds_several(const kernels::VoxelVolume& shape, const kernels::VoxelVolume& before);
     // Who the only person is that the last update found.
     Newcomer lone_newcomer(std::int64_t time_ns) const;
     // Those who left and would be recognised.

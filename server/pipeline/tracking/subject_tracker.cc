@@ -22,15 +22,22 @@ std::int64_t nanoseconds(double seconds) {
     return static_cast<std::int64_t>(std::llround(1e9 * seconds));
 }
 
+// Where several are followed, a newcomer must be found soon.
+TrackerOptions looking_often(TrackerOptions options) {
+    if (options.several_subjects())
+        options.full_pass_interval_s = std::min(options.full_pass_interval_s, kMinLookInterval_s);
+    return options;
+}
+
 }  // namespace
 
 SubjectTracker::SubjectTracker(std::vector<Camera> cameras, double fps, const TrackerOptions& options,
                                SubjectControl& control)
     : cameras_(std::move(cameras)),
-      options_(options),
+      options_(looking_often(options)),
       control_(&control),
-      tracker_(cameras_, fps, options),
-      scene_(cameras_, fps, options, &control),
+      tracker_(cameras_, fps, options_),
+      scene_(cameras_, fps, options_, &control),
       alone_(!options.whole_scene()),
       person_outside_ns_(cameras_.size(), 0),
       excluded_since_ns_(cameras_.size(), kNever) {}
@@ -42,7 +49,12 @@ void SubjectTracker::reset() {
     others_seen_ = false;
     std::ranges::fill(person_outside_ns_, 0);
     std::ranges::fill(excluded_since_ns_, kNever);
+    forget_shape();
+}
+
+void SubjectTracker::forget_shape() {
     shape_.bricks.clear();
+    state_.reset();
 }
 
 // Whether a camera was excluded for longer than a person takes to come into its view.
@@ -60,7 +72,11 @@ bool SubjectTracker::may_be_alone() const {
 void SubjectTracker::separate() {
     alone_ = false;
     scene_.begin(tracker_.last_id());
-    if (const auto subject = tracker_.subject()) scene_.take_over(*subject, shape_);
+    const std::optional<TrackedState> subject = tracker_.subject();
+    if (!subject) return;
+    // Others in its volume have pulled the track.
+    const bool known = state_ && state_->id == subject->id;
+    scene_.take_over(known ? *state_ : *subject, shape_);
 }
 
 // From the next frame set on, Tracker tracks.
@@ -69,6 +85,7 @@ void SubjectTracker::follow_alone() {
     others_seen_ = false;
     std::ranges::fill(person_outside_ns_, 0);
     tracker_.take_over(scene_.only_subject(), scene_.last_id());
+    forget_shape();
 }
 
 std::vector<kernels::SegmentationPrior> SubjectTracker::predict(std::int64_t time_ns) {
@@ -204,7 +221,15 @@ void SubjectTracker::observe_volume(Vec3 centre_in_world, bool legs_missing,
                                     const kernels::VoxelVolume& shape) {
     if (!alone_) return;
     tracker_.observe_volume(centre_in_world, legs_missing);
-    shape_ = shape;
+    const std::optional<TrackedState> subject = tracker_.subject();
+    if (state_ && (!subject || state_->id != subject->id)) forget_shape();
+    if (scene_.holds_several(shape, shape_)) {
+        others_seen_ = true;
+        last_others_ns_ = last_alone_ns_;
+    } else {
+        shape_ = shape;
+        state_ = subject;
+    }
 }
 
 // Reports the lone subject to the operator.

@@ -1,6 +1,6 @@
 // Tracks the people in the scene: a lone person by Tracker, which takes less time and excludes outlier
-// cameras; several, or where rules or requests choose among people, by SceneTracker. With one subject to
-// follow it changes between the two as other people come and leave, and the subject keeps the id.
+// cameras; several, or where rules or requests choose among people, by SceneTracker. It changes between the
+// two as other people come and leave, and the subject keeps the id.
 //
 // Order of calls for each frame set: predict(), segmentation with its priors, update(), restrict_to() and
 // observe_volume() for each volume.
@@ -56,6 +56,7 @@ class SubjectTracker {
     bool may_be_alone() const;
     void separate();
     void follow_alone();
+    void forget_shape();
     std::optional<SceneUpdate> update_first(std::uint64_t sequence, std::int64_t time_ns,
                                             const SilhouettesByCamera& silhouettes,
                                             std::span<const kernels::ImageView> images, Newcomer& newcomer);
@@ -81,7 +82,9 @@ class SubjectTracker {
     std::vector<kernels::SegmentationPrior> priors_;  // of the current frame set
     std::vector<std::int64_t> person_outside_ns_;     // per camera, when it last showed one; 0: not since
     std::vector<std::int64_t> excluded_since_ns_;     // per camera, while Tracker tracked
-    kernels::VoxelVolume shape_;                      // of the lone subject, coarse
+    // Of the lone subject in the last frame set whose volume had no other person.
+    kernels::VoxelVolume shape_;  // coarse
+    std::optional<TrackedState> state_;
 };
 
 }  // namespace kinevox

@@ -49,7 +49,9 @@ struct TrackerOptions {
     // Whether several may be followed, each with a body of its own; else all tracked ones are one person.
     bool several_subjects() const { return max_subjects > 1; }
     // Whether SceneTracker (scene_tracker.h) always replaces Tracker, since people are to be chosen among.
-    bool whole_scene() const { return several_subjects() || rules != SubjectRules{}; }
+    bool whole_scene() const { return rules != SubjectRules{}; }
+    // Whether one person is followed, any one.
+    bool one_person() const { return !several_subjects() && !whole_scene(); }
     // Empty when usable, else one sentence.
     std::string check() const;
     bool operator==(const TrackerOptions&) const = default;

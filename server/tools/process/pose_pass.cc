@@ -20,7 +20,7 @@ PosePass::PosePass(std::vector<Camera> cameras, double fps, const PipelineOption
       fps_(fps),
       posing_(pipeline.posing),
       options_(options),
-      lone_(!pipeline.tracker.whole_scene()),
+      lone_(pipeline.tracker.one_person()),
       selected_(pipeline.tracker.rules != SubjectRules{}) {}
 PosePass::~PosePass() = default;
 

@@ -31,11 +31,14 @@ using testing::silhouettes_of;
 using ::testing::SizeIs;
 
 constexpr double kSceneFps = 25;
+constexpr double kBeside_m = 0.8;  // within a lone subject's volume
+
 // With voxels of 4 cm.
 kernels::VoxelVolume shape_of(const std::vector<Ellipsoid>& body) {
     const Vec3 centre = body.front().centre;
-    const OccupiedCells grid(
-        lattice_over({centre - Vec3{0.4, 0.4, 0.9}, centre + Vec3{0.4, 0.4, 0.9}}, 0.04, 3, centre));
+    const double half_m = body.size() > people_at({Vec3{}}).size() ? 1.1 : 0.4;
+    const Vec3 half{half_m, half_m, 0.9};
+    const OccupiedCells grid(lattice_over({centre - half, centre + half}, 0.04, 3, centre));
     const auto is_inside = [](Vec3 p, const Ellipsoid& e) {
         const Vec3 d = p - e.centre;
         return norm({d.x / e.radii.x, d.y / e.radii.y, d.z / e.radii.z}) <= 1;
@@ -49,12 +52,15 @@ kernels::VoxelVolume shape_of(const std::vector<Ellipsoid>& body) {
     return grid.volume_of(cells);
 }
 
-// Shows the tracker a scene frame by frame, and gives it the volume of the person nearest to its subject.
+// Shows the tracker a scene frame by frame, and gives it the volume of the person nearest to its subject,
+// while people are not separated with those beside.
 class Room {
   public:
     // `seeing`: the cameras that make the silhouettes, if other ones than calibrated.
-    explicit Room(std::vector<Camera> seeing = four_cameras())
-        : seeing_(std::move(seeing)), control_(1), tracker_(four_cameras(), kSceneFps, {}, control_) {}
+    explicit Room(std::vector<Camera> seeing = four_cameras(), int max_subjects = 1)
+        : seeing_(std::move(seeing)),
+          control_(max_subjects),
+          tracker_(four_cameras(), kSceneFps, {.max_subjects = max_subjects}, control_) {}
 
     SceneUpdate show_dressed(const std::vector<Dressed>& people) {
         return show(points_of(people), DressedImages(seeing_, people).views());
@@ -74,7 +80,11 @@ class Room {
             const Vec3 centre = subject.track.centre_in_world;
             const Vec3 nearest = *std::ranges::min_element(
                 floor_points, {}, [&](Vec3 at) { return std::hypot(at.x - centre.x, at.y - centre.y); });
-            tracker_.observe_volume(centre, false, shape_of(people_at({nearest})));
+            std::vector<Vec3> within{nearest};
+            for (const Vec3 at : floor_points)
+                if (!tracker_.separates() && norm(at - nearest) > 0 && norm(at - nearest) < kBeside_m)
+                    within.push_back(at);
+            tracker_.observe_volume(centre, false, shape_of(people_at(within)));
         }
         return update;
     }
@@ -175,6 +185,56 @@ TEST(SubjectTracker, LeavesOutlierCameraOutBesideOthers) {
     EXPECT_TRUE(room.tracker().separates());
     EXPECT_TRUE(update.subjects[0].lattice.has_value());
     EXPECT_EQ(update.subjects[0].roles[3], CameraRole::kExcluded);
+}
+
+// With several to follow, too, a lone person costs no more; who enters is followed soon.
+TEST(SubjectTracker, SeparatesOnlyWhileSeveralAreThere) {
+    constexpr int kSoon = 7;  // frame sets, 0.28 s
+    const Dressed athlete = green_at(kAthlete), partner = blue_at({-0.6, 0.9, 0});
+    Room room(four_cameras(), 2);
+    SceneUpdate update;
+    for (int n = 0; n < 30; ++n) {
+        expect_at(room.show_dressed({athlete}), kAthlete, n);
+        EXPECT_FALSE(room.tracker().separates()) << n;
+    }
+    for (int n = 0; n < 60; ++n) {
+        update = room.show_dressed({athlete, partner});
+        if (n < kSoon) continue;
+        ASSERT_THAT(update.subjects, SizeIs(2)) << n;
+        EXPECT_EQ(update.subjects[1].track.subject_id, 2u);
+    }
+    for (int n = 0; n < 60; ++n) update = room.show_dressed({athlete});
+    expect_at(update, kAthlete, 150);
+    EXPECT_FALSE(room.tracker().separates());
+    for (int n = 0; n < 20; ++n) update = room.show_dressed({athlete, partner});
+    ASSERT_THAT(update.subjects, SizeIs(2));
+    EXPECT_EQ(update.subjects[1].track.subject_id, 2u) << "recognised";
+}
+
+// Another person's silhouettes merge with the subject's before anything shows outside of its box.
+TEST(SubjectTracker, SeparatesPersonInItsVolume) {
+    Room room(four_cameras(), 2);
+    for (int n = 0; n < 20; ++n) room.show({kAthlete});
+    const Vec3 partner{kAthlete.x - 0.4, kAthlete.y + 0.4, 0};
+    for (int n = 0; n < 30; ++n) {
+        const SceneUpdate update = room.show({kAthlete, partner});
+        if (n < 7) continue;
+        ASSERT_THAT(update.subjects, SizeIs(2)) << n;
+        EXPECT_LT(norm(update.subjects[0].track.centre_in_world - kAthlete - Vec3{0, 0, 0.9}), 0.25) << n;
+    }
+    EXPECT_THAT(room.events(), SizeIs(2));
+}
+
+TEST(SceneTracker, KnowsVolumeOfSeveral) {
+    SceneTracker scene(four_cameras(), kSceneFps, {});
+    const Vec3 partner{kAthlete.x - 0.4, kAthlete.y + 0.5, 0};
+    const kernels::VoxelVolume one = shape_of(people_at({kAthlete})),
+                               two = shape_of(people_at({kAthlete, partner}));
+    EXPECT_FALSE(scene.holds_several(one, {}));
+    EXPECT_FALSE(scene.holds_several(one, one));
+    EXPECT_TRUE(scene.holds_several(two, {})) << "two trunks";
+    EXPECT_TRUE(scene.holds_several(two, one));
+    EXPECT_FALSE(scene.holds_several({}, one));
 }
 
 TEST(SubjectTracker, GivesOldIdToLonePersonWhoReturns) {
