@@ -39,14 +39,14 @@ def rendered(arguments, work):
     return folder
 
 
-def capture(arguments, name, sequence, folder, body, out):
+def capture(arguments, name, sequence, folder, body, out, recording=RECORDING):
     """Copies the recorded poses of one capture to `out`; returns the sequence's frame of each of theirs."""
     arguments.sequence = sequence.resolve()
     pose = f'auto_fit_body = {str(arguments.body == "automatic").lower()}\n'
     if body:
         pose += f'body_file = "{body}"\n'
     pose += "".join(f"{line}\n" for line in arguments.option)
-    daemon = Daemon(arguments, folder, arguments.pacing, RECORDING, loop=False, autostart=False, pose=pose)
+    daemon = Daemon(arguments, folder, arguments.pacing, recording, loop=False, autostart=False, pose=pose)
     try:
         daemon.client("record", "start", name)
         daemon.client("start")

@@ -61,15 +61,17 @@ def longest(flags):
 
 
 class People:
-    """What one session's results show of its people."""
+    """What one session's results show of its people. `sequence_frames`: as in rates.py."""
 
-    def __init__(self, session_file, results, only=None):
+    def __init__(self, session_file, results, only=None, sequence_frames=None):
         session = Session(session_file)
         truth_folder = session.truth
         self.names = sorted(f.stem.split("_")[1] for f in truth_folder.glob("joints_*.csv"))
         truth = np.stack([points(read_table(truth_folder / f"joints_{n}.csv"), JOINTS) for n in self.names], 1)
         found, stated = read_table(results / "joints.csv"), read_table(results / "uncertainty.csv")
         row_frames = np.rint(found["time_s"] * session.fps).astype(int)
+        if sequence_frames is not None:
+            row_frames = sequence_frames[found["frame"].astype(int)]
         measured = points(found, JOINTS)
         std = np.stack([stated[f"{j}_std_m"] for j in JOINTS], 1)
         count = min(len(truth), row_frames.max() + 1)
@@ -79,6 +81,8 @@ class People:
         self.subject = np.zeros((count, len(self.names)), int)  # 0: missing
         self.invented = np.zeros(count, int)
         self.there = np.isfinite(truth[:count]).all(axis=(2, 3))
+        if sequence_frames is not None:  # who is not in a lost frame set is not missing
+            self.there &= np.isin(np.arange(count), row_frames)[:, None]
         for n in range(count):
             rows = np.flatnonzero((row_frames == n) & np.isfinite(measured[:, TRUNK]).any(axis=(1, 2)))
             if not len(rows):
