@@ -12,6 +12,7 @@ namespace {
 // docs/quality.md lists the values measured on good and spoiled sessions next to each threshold.
 constexpr double kMinStature_m = 1.35, kMaxStature_m = 2.12;
 constexpr double kMinLitres = 46, kMaxLitres = 165;  // of an adult's hull
+constexpr double kMinLitresStature_m = 1.75;         // of the adult with kMinLitres; of others by its cube
 constexpr double kTall_m = 1.95;        // a fitted body is drawn towards the mean; the hull's height is not
 constexpr double kExplainedIou = 0.88;  // of a posed body whose raised arms explain the hull's height
 constexpr double kMaxStatureDifference = 0.045;  // of a given body against the fitted one
@@ -41,12 +42,13 @@ Judgement judge_scale(const Measurements& seen) {
     const double height = seen.world.subject_height_m.value_or(*stature);
     // A body that cannot grow or shrink enough fits badly. Raised arms are part of a body that fits; a person
     // who only crouches has the usual volume.
-    const double litres = seen.world.volume_litres.value_or(kMinLitres);
+    const double min_litres = kMinLitres * std::pow(*stature / kMinLitresStature_m, 3);
+    const double litres = seen.world.volume_litres.value_or(min_litres);
     const bool large = seen.pose.posed_iou.value_or(1) < kExplainedIou && litres > kMaxLitres;
     const bool tall = *stature > kMaxStature_m || (height > kMaxStature_m && (*stature > kTall_m || large));
     const double highest = seen.world.max_height_m.value_or(*stature);
     const bool small = !lacks_lower_body(seen) && highest < kMinStature_m &&
-                       seen.pose.posed_iou.value_or(1) < kCautionIou && litres < kMinLitres;
+                       seen.pose.posed_iou.value_or(1) < kCautionIou && litres < min_litres;
     if (*stature >= kMinStature_m && !tall && !small) return {};
     const double measured = tall ? std::max(height, *stature) : small ? highest : *stature;
     return Cause{

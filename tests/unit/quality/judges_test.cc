@@ -282,6 +282,9 @@ TEST(ScaleJudge, RecognisesImpossibleStatures) {
     EXPECT_FALSE(judge_scale(seen));
     seen.world.volume_litres = 37;
     EXPECT_EQ(cause_of(judge_scale(seen)), "scale");
+    seen.body.stature_m = 1.47;
+    seen.world.max_height_m = 0.75;  // sits on the floor
+    EXPECT_FALSE(judge_scale(seen)) << "a small person has a small volume";
 }
 
 TEST(ScaleJudge, RecognisesALargeHullThatNoBodyFits) {
