@@ -3,6 +3,7 @@
 #include <bit>
 
 #include "kernels/cpu/parallel.h"
+#include "kernels/cpu/rows_around.h"
 #include "kernels/cpu/segmenter.h"
 
 namespace kinevox::kernels::cpu {
@@ -147,20 +148,11 @@ void CpuSegmenter::fit_light(const CellBox& box) {
 
 // The light of the neighbourhoods around, above, below and beside the active groups' pixels.
 void CpuSegmenter::light_around(const CellBox& box) {
-    constexpr int kRadius = kde::kLightRadius;
-    const auto span_of = [&](int y) { return y < box.y0 || y >= box.y1 ? GroupSpan{} : active_span_[y]; };
-    parallel_for(box.y0 - kRadius, box.y1 + kRadius, kSegmenterRowsPerTask, [&](int first, int last) {
-        for (int y = first; y < last; ++y) {
-            GroupSpan span;
-            for (const int dy : {-kRadius, 0, kRadius}) span.include(span_of(y + dy));
-            if (span.empty()) continue;
-            const int x1 = span.g1 * kGroupPixels + kRadius;
-            for (int x = span.g0 * kGroupPixels - kRadius; x < x1; x += kMaxRowPixels)
-                neighbourhood_light(weighted_value_.row(y) + x, weighted_energy_.row(y) + x,
-                                    neighbourhood_.stride, std::min(x1 - x, kMaxRowPixels),
-                                    neighbourhood_.row(y) + x);
-        }
-    });
+    for_rows_around(active_span_, box, kde::kLightRadius, kSegmenterRowsPerTask,
+                    [&](int y, int x, int count) {
+                        neighbourhood_light(weighted_value_.row(y) + x, weighted_energy_.row(y) + x,
+                                            neighbourhood_.stride, count, neighbourhood_.row(y) + x);
+                    });
 }
 
 void CpuSegmenter::evidence(const CellBox& box) {

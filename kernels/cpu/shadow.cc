@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "kernels/cpu/parallel.h"
+#include "kernels/cpu/rows_around.h"
 #include "kernels/cpu/scene_lookup.h"
 #include "kernels/cpu/segmentation_masks.h"
 #include "kernels/cpu/shadow_group.h"
@@ -40,18 +41,9 @@ kde::FloorGrid ShadowJudge::grid() const {
 
 // The misfit of the patches that the rule reads, those of judged_span_ and around them.
 void ShadowJudge::measure_patches(const CellBox& box, const ShadowPlanes& planes, int channels) const {
-    const auto span_of = [&](int y) { return y < box.y0 || y >= box.y1 ? GroupSpan{} : judged_span_[y]; };
-    parallel_for(box.y0 - kPatchRadius, box.y1 + kPatchRadius, kRowsPerTask, [&](int first, int last) {
-        for (int y = first; y < last; ++y) {
-            GroupSpan span;
-            for (const int dy : {-kPatchRadius, 0, kPatchRadius}) span.include(span_of(y + dy));
-            if (span.empty()) continue;
-            const int x1 = span.g1 * kGroupPixels + kPatchRadius;
-            for (int x = span.g0 * kGroupPixels - kPatchRadius; x < x1; x += kMaxRowPixels)
-                misfit_row(planes.product->row(y) + x, planes.energy->row(y) + x, planes.square->row(y) + x,
-                           planes.product->stride, std::min(x1 - x, kMaxRowPixels), channels,
-                           planes.misfit->row(y) + x);
-        }
+    for_rows_around(judged_span_, box, kPatchRadius, kRowsPerTask, [&](int y, int x, int count) {
+        misfit_row(planes.product->row(y) + x, planes.energy->row(y) + x, planes.square->row(y) + x,
+                   planes.product->stride, count, channels, planes.misfit->row(y) + x);
     });
 }
 
