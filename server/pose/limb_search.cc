@@ -177,6 +177,17 @@ void LimbSearch::set_rest(std::span<const BodyCapsule> rest) {
     for (RaySubset& subset : thinned_) nearest_capsules(subset.rays, rest, subset.rest_distance, which_);
 }
 
+// Takes the limbs off the body. Returns the cost with them.
+double LimbSearch::begin(const BodyModel& model, const BodyPosture& posture,
+                         std::span<const SilhouetteRays> views, std::span<const Limb> limbs,
+                         double robust_m) {
+    std::vector<BodyCapsule> rest;
+    split(model, posture, limbs, &rest);
+    thin_out(views);
+    set_rest(rest);
+    return cost(views, capsules_, robust_m);
+}
+
 void LimbSearch::list_configurations(const BodyPosture& posture, const LimbSegments& limb,
                                      LimbSearchScope scope) {
     configurations_.clear();
@@ -278,11 +289,7 @@ std::optional<BodyPosture> LimbSearch::cheapest(const BodyModel& model, const Bo
 std::optional<BodyPosture> LimbSearch::improve(const BodyModel& model, const BodyPosture& posture,
                                                std::span<const SilhouetteRays> views, Limb which,
                                                LimbSearchScope scope, double robust_m) {
-    std::vector<BodyCapsule> rest;
-    split(model, posture, {&which, 1}, &rest);
-    thin_out(views);
-    set_rest(rest);
-    double best = cost(views, capsules_, robust_m) - kRaysGained * robust_m * robust_m;
+    double best = begin(model, posture, views, {&which, 1}, robust_m) - kRaysGained * robust_m * robust_m;
     return cheapest(model, posture, views, which, scope, robust_m, best);
 }
 
@@ -290,11 +297,8 @@ std::vector<BodyPosture> LimbSearch::plausible(const BodyModel& model, const Bod
                                                std::span<const SilhouetteRays> views, Limb which,
                                                double robust_m) {
     const LimbSegments limb = segments_of(which);
-    std::vector<BodyCapsule> rest;
-    split(model, posture, {&which, 1}, &rest);
-    thin_out(views);
-    set_rest(rest);
-    const double limit = cost(views, capsules_, robust_m) + kPlausibleRays * robust_m * robust_m;
+    const double limit =
+        begin(model, posture, views, {&which, 1}, robust_m) + kPlausibleRays * robust_m * robust_m;
     const double rest_cost = prepare(model, posture, views, limb, LimbSearchScope::kWhole, robust_m);
     std::vector<std::pair<double, std::size_t>> found;
     for (std::size_t n = 0; n < configurations_.size(); ++n)
@@ -311,14 +315,11 @@ std::optional<BodyPosture> LimbSearch::improve_pair(const BodyModel& model, cons
                                                     std::span<const SilhouetteRays> views, Limb first,
                                                     Limb second, double robust_m) {
     const Limb both[] = {first, second};
-    std::vector<BodyCapsule> rest;
-    split(model, posture, both, &rest);
-    thin_out(views);
-    set_rest(rest);
-    const double now = cost(views, capsules_, robust_m);
+    const double now = begin(model, posture, views, both, robust_m);
     double best = kUnlimited;
     const auto one = cheapest(model, posture, views, first, LimbSearchScope::kWhole, robust_m, best);
     if (!one) return std::nullopt;
+    std::vector<BodyCapsule> rest;
     split(model, *one, {&second, 1}, &rest);
     set_rest(rest);
     best = now + kPairSlack * robust_m * robust_m;

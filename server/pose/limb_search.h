@@ -60,6 +60,8 @@ class LimbSearch {
     void split(const BodyModel& model, const BodyPosture& posture, std::span<const Limb> limbs,
                std::vector<BodyCapsule>* others);
     void set_rest(std::span<const BodyCapsule> rest);
+    double begin(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views,
+                 std::span<const Limb> limbs, double robust_m);
     void list_configurations(const BodyPosture& posture, const LimbSegments& limb, LimbSearchScope scope);
     void place_configurations(const BodyModel& model, const PosedBody& posed, const LimbSegments& limb);
     double prepare(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views,

@@ -142,7 +142,7 @@ class Recording {
     }
 
     // Colours show where an arm before the trunk is, silhouettes hardly: moves the arms of the cheapest
-    // candidates.
+    // candidates, and searches them anywhere in the silhouettes.
     void move_arms() {
         std::vector<std::vector<PathCandidate>> found(frames_.size());
         each([&](std::size_t n) {
