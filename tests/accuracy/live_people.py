@@ -25,8 +25,8 @@ from session_data import data_folder
 def processed(arguments, folder, work):
     if (folder / "results/run.toml").exists():
         return folder / "results"
-    out, most = work / "processed", ["--max-subjects", str(arguments.max_subjects)]
-    subprocess.run([arguments.process, folder / "session.toml", "--out", out, "--quiet", *most], check=True)
+    out, limit = work / "processed", ["--max-subjects", str(arguments.max_subjects)]
+    subprocess.run([arguments.process, folder / "session.toml", "--out", out, "--quiet", *limit], check=True)
     return out
 
 

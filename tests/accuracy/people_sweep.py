@@ -103,9 +103,9 @@ def main():
             draw_sheet(people, arguments.session, results, line, out / f"{trial:04d}.png")
             rows.append(row)
     mean = {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
-    most = {key: max(row[key] for row in rows) for key in ("missing", "invented")}
+    longest = {key: max(row[key] for row in rows) for key in ("missing", "invented")}
     swaps = sum(row["swap"] for row in rows)
-    print(f"{text('mean', mean)}{swaps:6d}{most['missing']:9.2f}{most['invented']:9.2f}")
+    print(f"{text('mean', mean)}{swaps:6d}{longest['missing']:9.2f}{longest['invented']:9.2f}")
     median, p95 = np.percentile([row["mean_mm"] for row in rows], (50, 95))
     print(f"median {median:.1f}, 95th percentile {p95:.1f} mm")
     return 0
