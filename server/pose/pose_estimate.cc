@@ -73,6 +73,11 @@ double model_std_m(std::string_view joint) {
         if (joint.starts_with(entry.name)) return entry.std_m;
     return 0;
 }
+// Error of a joint by a body that is not the subject's, relative to EstimateOptions::body_std_m: too tall a
+// body bends its neck to stay within the silhouettes.
+double of_other_body(std::string_view joint) {
+    return joint == "head_top" ? 2 : 1;
+}
 // Angles in the order of kJointAngleNames, rad: each side's knee, elbow, hip flexion and abduction, shoulder,
 // and the trunk.
 constexpr std::array<double, kJointAngleNames.size()> kModelAngleStd{
@@ -336,7 +341,7 @@ void judge_joints(const JointJacobian& jacobian, const Evidence& of, int cameras
                 ambiguity_variance(of.others.joint_m2[j], own, kOfJoints) + of.gross_m2[j] +
                 kOfOwnMisfit * own + kOfAllMisfit * of.misfit.all +
                 kOfParentMisfit * above * above / kParentMisfit_m2,
-            std::hypot(model_std_m(kJointNames[j]), options.body_std_m));
+            std::hypot(model_std_m(kJointNames[j]), of_other_body(kJointNames[j]) * options.body_std_m));
         const CameraSet set = parent >= 0 ? of.support[segment] | of.support[parent] : of.support[segment];
         joint.camera_count = static_cast<int>(set.count());
         joint.withheld_reason.clear();

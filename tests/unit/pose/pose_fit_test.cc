@@ -495,6 +495,8 @@ TEST(PoseStage, StatesLargerDeviationsUntilTheBodyIsKnown) {
         EXPECT_GT(unknown->joints[j].std_m, 0.018) << name;
         EXPECT_LT(known->joints[j].std_m, 0.016) << name;
     }
+    const std::size_t top = *joint_index("head_top");
+    EXPECT_GT(unknown->joints[top].std_m, known->joints[top].std_m + 0.015) << "a wrong body bends its neck";
     EXPECT_GT(unknown->angles[0].std_rad, known->angles[0].std_rad + radians(0.5));
     EXPECT_GT(unknown->coordinate_std[kDofKneeL], known->coordinate_std[kDofKneeL] + radians(0.5));
 }
