@@ -40,9 +40,9 @@ void VoxelColourer::carve_and_colour(HullCarver& carver, std::span<const HullVie
 
 std::unique_ptr<VoxelColourer> make_voxel_colourer(Device device, const ColouringOptions& options) {
     if (const std::string problem = options.check(); !problem.empty()) throw std::invalid_argument(problem);
-    if (device == Device::kCuda) {
+    if (device.is_cuda()) {
 #ifdef KINEVOX_HAVE_CUDA
-        return make_voxel_colourer_cuda(options);
+        return make_voxel_colourer_cuda(device.index(), options);
 #else
         throw std::runtime_error(
             "colouring: built without a CUDA compiler; build where nvcc is found, or use device cpu");

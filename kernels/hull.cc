@@ -22,9 +22,9 @@ std::string HullOptions::check() const {
 
 std::unique_ptr<HullCarver> make_hull_carver(Device device, const HullOptions& options) {
     if (const std::string problem = options.check(); !problem.empty()) throw std::invalid_argument(problem);
-    if (device == Device::kCuda) {
+    if (device.is_cuda()) {
 #ifdef KINEVOX_HAVE_CUDA
-        return make_hull_carver_cuda(options);
+        return make_hull_carver_cuda(device.index(), options);
 #else
         throw std::runtime_error(
             "hull: built without a CUDA compiler; build where nvcc is found, or use device cpu");

@@ -20,9 +20,9 @@ std::string MomentOptions::check() const {
 
 std::unique_ptr<MomentCalculator> make_moment_calculator(Device device, const MomentOptions& options) {
     if (const std::string problem = options.check(); !problem.empty()) throw std::invalid_argument(problem);
-    if (device == Device::kCuda) {
+    if (device.is_cuda()) {
 #ifdef KINEVOX_HAVE_CUDA
-        return make_moment_calculator_cuda(options);
+        return make_moment_calculator_cuda(device.index(), options);
 #else
         throw std::runtime_error(
             "moments: built without a CUDA compiler; build where nvcc is found, or use device cpu");

@@ -25,10 +25,10 @@ std::unique_ptr<Segmenter> make_segmenter(Device device, int width, int height, 
         throw std::invalid_argument("segmentation: images of " + std::to_string(width) + " x " +
                                     std::to_string(height) + " with " + std::to_string(channels) +
                                     " channels; sizes are positive and channels 1 or 3");
-    if (device == Device::kCuda) {
+    if (device.is_cuda()) {
 #ifdef KINEVOX_HAVE_CUDA
-        return make_segmenter_cuda(width, height, channels, options,
-                                   context ? std::move(context) : make_device_context_cuda());
+        return make_segmenter_cuda(device.index(), width, height, channels, options,
+                                   context ? std::move(context) : make_device_context_cuda(device.index()));
 #else
         throw std::runtime_error(
             "segmentation: built without a CUDA compiler; build where nvcc is found, or use "

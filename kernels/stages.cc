@@ -26,23 +26,24 @@ class DeviceStages final : public StageFactory {
         return make_voxel_colourer(device_, options);
     }
 
+    Device device() const override { return device_; }
     std::string problem() const override {
-        if (device_ == Device::kCpu) return {};
+        if (!device_.is_cuda()) return {};
 #ifdef KINEVOX_HAVE_CUDA
-        return cuda_problem();
+        return cuda_problem(device_.index());
 #else
         return "this program was built without a CUDA compiler";
 #endif
     }
     std::string name() const override {
 #ifdef KINEVOX_HAVE_CUDA
-        if (device_ == Device::kCuda) return cuda_device_name();
+        if (device_.is_cuda()) return cuda_device_name(device_.index());
 #endif
         return {};
     }
     DeviceMemory memory() const override {
 #ifdef KINEVOX_HAVE_CUDA
-        if (device_ == Device::kCuda) return cuda_memory();
+        if (device_.is_cuda()) return cuda_memory(device_.index());
 #endif
         return {};
     }
@@ -53,7 +54,7 @@ class DeviceStages final : public StageFactory {
     std::shared_ptr<DeviceContext> context() const {
 #ifdef KINEVOX_HAVE_CUDA
         const std::lock_guard lock(mutex_);
-        if (device_ == Device::kCuda && !context_) context_ = make_device_context_cuda();
+        if (device_.is_cuda() && !context_) context_ = make_device_context_cuda(device_.index());
         return context_;
 #else
         return nullptr;

@@ -30,6 +30,7 @@ class StageFactory {
 
     virtual std::string problem()
         const = 0;  // empty if the device can be used, else why not, without a full stop
+    virtual Device device() const = 0;
     virtual std::string name() const = 0;     // of the device, for example "NVIDIA T4"; empty for the CPU
     virtual DeviceMemory memory() const = 0;  // of a usable GPU; any thread
 };

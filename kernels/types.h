@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <vector>
 
-namespace kinevox::kernels {
+#include "kernels/device.h"
 
-enum class Device { kCpu, kCuda };
+namespace kinevox::kernels {
 
 // A non-owning view of an image: 8 bits per channel, rows `stride` bytes apart, channels interleaved.
 // 3 channels are B, G, R (OpenCV's order); 1 is grey.

@@ -6,18 +6,20 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdlib>
+#include <stdexcept>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "kernels/types.h"
 
 namespace kinevox::kernels::bench {
 
-// KINEVOX_BENCH_DEVICE=cuda, else the CPU's.
+// That of KINEVOX_BENCH_DEVICE, cuda:1 for instance, else the CPU.
 inline Device device() {
-    const char* wanted = std::getenv("KINEVOX_BENCH_DEVICE");
-    return wanted && std::string_view(wanted) == "cuda" ? Device::kCuda : Device::kCpu;
+    const char* const wanted = std::getenv("KINEVOX_BENCH_DEVICE");
+    const auto device = device_of_name(wanted ? wanted : "cpu");
+    if (!device) throw std::invalid_argument(std::string("KINEVOX_BENCH_DEVICE: use ") + kDeviceNames);
+    return *device;
 }
 
 // Adds the counters NAME_median_us and NAME_p99_us of its samples to a benchmark.

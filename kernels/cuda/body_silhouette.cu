@@ -57,9 +57,12 @@ __global__ void render_bodies(const TaperedCapsule* body, int capsules, const De
 
 class CudaBodySilhouetteRenderer final : public BodySilhouetteRenderer {
   public:
+    explicit CudaBodySilhouetteRenderer(int gpu) : stream_(gpu) {}
+
     void render(std::span<const TaperedCapsule> body, std::span<BodyView> views) override {
         check_capsules(body);
         if (views.empty()) return;
+        stream_.use();
         host_views_.resize(views.size());
         host_bounds_.resize(views.size());
         std::size_t bytes = 0;
@@ -111,9 +114,9 @@ class CudaBodySilhouetteRenderer final : public BodySilhouetteRenderer {
 }  // namespace
 }  // namespace cuda
 
-std::unique_ptr<BodySilhouetteRenderer> make_body_silhouette_renderer_cuda() {
-    cuda::require_gpu("body silhouette");
-    return std::make_unique<cuda::CudaBodySilhouetteRenderer>();
+std::unique_ptr<BodySilhouetteRenderer> make_body_silhouette_renderer_cuda(int gpu) {
+    cuda::require_gpu("body silhouette", gpu);
+    return std::make_unique<cuda::CudaBodySilhouetteRenderer>(gpu);
 }
 
 }  // namespace kinevox::kernels

@@ -12,8 +12,8 @@ namespace {
 
 class CudaVoxelColourer final : public VoxelColourer {
   public:
-    explicit CudaVoxelColourer(const ColouringOptions& options)
-        : options_(options), cpu_(make_voxel_colourer_cpu(options)) {}
+    CudaVoxelColourer(int gpu, const ColouringOptions& options)
+        : options_(options), cpu_(make_voxel_colourer_cpu(options)), maker_(gpu) {}
 
     void colour(std::span<const ColouringView> views, VoxelVolume& volume, ColouringReport& report) override {
         check_colouring_views(views);
@@ -54,9 +54,9 @@ class CudaVoxelColourer final : public VoxelColourer {
 }  // namespace
 }  // namespace cuda
 
-std::unique_ptr<VoxelColourer> make_voxel_colourer_cuda(const ColouringOptions& options) {
-    cuda::require_gpu("colouring");
-    return std::make_unique<cuda::CudaVoxelColourer>(options);
+std::unique_ptr<VoxelColourer> make_voxel_colourer_cuda(int gpu, const ColouringOptions& options) {
+    cuda::require_gpu("colouring", gpu);
+    return std::make_unique<cuda::CudaVoxelColourer>(gpu, options);
 }
 
 }  // namespace kinevox::kernels

@@ -1,11 +1,15 @@
 // RAII around the CUDA runtime. A stage owns one stream and its buffers; nothing runs on the default stream.
-// Host memory that the device copies is pinned, and is only written again after the stream was waited for.
+// Allocations, copies and launches are for the calling thread's GPU, and each thread begins with the first
+// one: a stage calls Stream::use() where another thread may enter. The thread keeps that GPU afterwards,
+// since choosing one creates CUDA's context there. Host memory that the device copies is pinned, and is only
+// written again after the stream was waited for.
 #pragma once
 
 #include <cuda_runtime.h>
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -15,25 +19,47 @@ namespace kinevox::kernels::cuda {
 void check(cudaError_t error, const char* call, const char* file, int line);
 #define KINEVOX_CUDA_CHECK(call) ::kinevox::kernels::cuda::check((call), #call, __FILE__, __LINE__)
 
-// Throws DeviceError that begins with `what` where no GPU can be used.
-void require_gpu(const char* what);
+// For destructors: the thread forgets the error and may work for another GPU.
+inline void ignore_error(cudaError_t error) {
+    if (error != cudaSuccess) cudaGetLastError();
+}
+
+// Makes this GPU the calling thread's, which it also is after require_gpu().
+void use_gpu(int gpu);
+int gpu_in_use();
+
+// Throws DeviceError that begins with `what` where this GPU cannot be used.
+void require_gpu(const char* what, int gpu);
+
+// Empty if the kernels support the GPU's compute capability, else one line.
+std::string problem_of_capability(const cudaDeviceProp& properties);
 
 class Stream {
   public:
-    Stream() { KINEVOX_CUDA_CHECK(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking)); }
-    ~Stream() { cudaStreamDestroy(stream_); }
+    explicit Stream(int gpu) : gpu_(gpu) {
+        use();
+        KINEVOX_CUDA_CHECK(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking));
+    }
+    ~Stream() {
+        ignore_error(cudaSetDevice(gpu_));
+        ignore_error(cudaStreamDestroy(stream_));
+    }
     Stream(const Stream&) = delete;
     Stream& operator=(const Stream&) = delete;
 
+    int gpu() const { return gpu_; }
+    // Makes its GPU the calling thread's.
+    void use() const { use_gpu(gpu_); }
     cudaStream_t get() const { return stream_; }
     void wait() const { KINEVOX_CUDA_CHECK(cudaStreamSynchronize(stream_)); }
 
   private:
+    const int gpu_;
     cudaStream_t stream_ = nullptr;
 };
 
 // Memory for `size()` elements of a trivially copyable type; resize() only ever grows it and forgets what it
-// held.
+// held. It belongs to the GPU that the thread uses when it grows, and any thread may free it.
 template <class T, bool kPinned>
 class Buffer {
   public:
@@ -51,6 +77,7 @@ class Buffer {
 #else
         const std::size_t wanted = size + size / 4;  // sizes change a little from frame to frame
 #endif
+        gpu_ = gpu_in_use();
         void* memory = nullptr;
         if constexpr (kPinned) {
             KINEVOX_CUDA_CHECK(cudaMallocHost(&memory, wanted * sizeof(T)));
@@ -72,11 +99,13 @@ class Buffer {
     }
 
   private:
-    void release() {  // both wait for work that may still use the memory
+    void release() {         // both wait for work that may still use the memory
+        if (!data_) return;  // which would create a context on a fresh thread's GPU
+        ignore_error(cudaSetDevice(gpu_));
         if constexpr (kPinned) {
-            cudaFreeHost(data_);
+            ignore_error(cudaFreeHost(data_));
         } else {
-            cudaFree(data_);
+            ignore_error(cudaFree(data_));
         }
         data_ = nullptr;
         capacity_ = 0;
@@ -84,6 +113,7 @@ class Buffer {
 
     T* data_ = nullptr;
     std::size_t size_ = 0, capacity_ = 0;
+    int gpu_ = 0;  // of data_
 };
 
 template <class T>
@@ -173,6 +203,7 @@ class KernelGraph {
             return queue();
         }
         if (!graph_) record(stream, queue);
+        gpu_ = stream.gpu();
         KINEVOX_CUDA_CHECK(cudaGraphLaunch(graph_, stream.get()));
     }
 
@@ -185,7 +216,8 @@ class KernelGraph {
         try {
             queue();
         } catch (...) {
-            if (cudaStreamEndCapture(stream.get(), &recorded) == cudaSuccess) cudaGraphDestroy(recorded);
+            const cudaError_t ended = cudaStreamEndCapture(stream.get(), &recorded);
+            ignore_error(ended == cudaSuccess ? cudaGraphDestroy(recorded) : ended);
             throw;
         }
         KINEVOX_CUDA_CHECK(cudaStreamEndCapture(stream.get(), &recorded));
@@ -194,12 +226,15 @@ class KernelGraph {
         KINEVOX_CUDA_CHECK(error);
     }
     void release() {
-        if (graph_) cudaGraphExecDestroy(graph_);
+        if (!graph_) return;
+        ignore_error(cudaSetDevice(gpu_));
+        ignore_error(cudaGraphExecDestroy(graph_));
         graph_ = nullptr;
     }
 
     std::vector<std::intptr_t> key_;
     cudaGraphExec_t graph_ = nullptr;
+    int gpu_ = 0;  // of graph_
 };
 
 inline constexpr int kThreads = 256;  // per block, where nothing asks for another number

@@ -11,7 +11,7 @@ namespace {
 
 class CudaHullCarver final : public HullCarver {
   public:
-    explicit CudaHullCarver(const HullOptions& options) : options_(options) {}
+    CudaHullCarver(int gpu, const HullOptions& options) : options_(options), maker_(gpu) {}
 
     void carve(std::span<const HullView> views, const Lattice& lattice, VoxelVolume& out) override {
         check_lattice(lattice);
@@ -44,9 +44,9 @@ const HullOptions* options_of(const HullCarver& carver) {
 
 }  // namespace cuda
 
-std::unique_ptr<HullCarver> make_hull_carver_cuda(const HullOptions& options) {
-    cuda::require_gpu("hull");
-    return std::make_unique<cuda::CudaHullCarver>(options);
+std::unique_ptr<HullCarver> make_hull_carver_cuda(int gpu, const HullOptions& options) {
+    cuda::require_gpu("hull", gpu);
+    return std::make_unique<cuda::CudaHullCarver>(gpu, options);
 }
 
 }  // namespace kinevox::kernels

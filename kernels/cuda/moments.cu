@@ -105,8 +105,8 @@ __global__ void project_folds(const float* weights, const int2* function, const 
 
 class CudaMomentCalculator final : public MomentCalculator {
   public:
-    explicit CudaMomentCalculator(const MomentOptions& options)
-        : options_(options), tables_(moment_tables(options.order, options.grid)) {
+    CudaMomentCalculator(int gpu, const MomentOptions& options)
+        : options_(options), tables_(moment_tables(options.order, options.grid)), stream_(gpu) {
         PinnedBuffer<float> weights;
         weights.resize(tables_->weights.size());
         std::copy(tables_->weights.begin(), tables_->weights.end(), weights.data());
@@ -130,6 +130,7 @@ class CudaMomentCalculator final : public MomentCalculator {
     void compute(std::span<const MomentView> views, std::vector<SilhouetteMoments>& out) override {
         out.resize(views.size());
         if (views.empty()) return;
+        stream_.use();
         const int count = static_cast<int>(views.size());
         upload_masks(views);
         sums_.resize(count);
@@ -222,9 +223,9 @@ class CudaMomentCalculator final : public MomentCalculator {
 }  // namespace
 }  // namespace cuda
 
-std::unique_ptr<MomentCalculator> make_moment_calculator_cuda(const MomentOptions& options) {
-    cuda::require_gpu("moments");
-    return std::make_unique<cuda::CudaMomentCalculator>(options);
+std::unique_ptr<MomentCalculator> make_moment_calculator_cuda(int gpu, const MomentOptions& options) {
+    cuda::require_gpu("moments", gpu);
+    return std::make_unique<cuda::CudaMomentCalculator>(gpu, options);
 }
 
 }  // namespace kinevox::kernels

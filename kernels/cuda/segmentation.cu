@@ -38,6 +38,7 @@ constexpr float kSureEvidence = 3.0f;
 // What the cameras of a frame set look up of each other is there without an event or a wait, since all of
 // them queue their work on one stream.
 struct CudaContext final : DeviceContext {
+    explicit CudaContext(int gpu) : stream(gpu) {}
     Stream stream;
 };
 
@@ -141,6 +142,7 @@ CudaSegmenter::CudaSegmenter(int width, int height, int channels, const Segmenta
     data_.width = width, data_.height = height, data_.channels = channels;
     data_.cells_per_row = (width + kCellPixels - 1) / kCellPixels;
     set_options();
+    stream_.use();
     std::vector<float> log_lit(256);
     std::vector<std::uint8_t> probability(256);
     for (int i = 0; i < 256; ++i) {
@@ -155,7 +157,8 @@ CudaSegmenter::CudaSegmenter(int width, int height, int channels, const Segmenta
 
 // Others may have queued work that reads this segmenter's memory.
 CudaSegmenter::~CudaSegmenter() {
-    cudaStreamSynchronize(stream_.get());
+    ignore_error(cudaSetDevice(stream_.gpu()));
+    ignore_error(cudaStreamSynchronize(stream_.get()));
 }
 
 void CudaSegmenter::set_options() {
@@ -192,6 +195,7 @@ void CudaSegmenter::learn(std::span<const ImageView> empty_scene) {
         throw std::invalid_argument("segmentation: the background needs at least one image");
     for (const ImageView& image : empty_scene)
         cpu::check_image(image, data_.width, data_.height, data_.channels);
+    stream_.use();
     stream_.wait();
     cpu::BackgroundModel model =
         cpu::learn_background(empty_scene, data_.width, data_.height, data_.channels, options_);
@@ -203,6 +207,7 @@ void CudaSegmenter::forget_frames() {
     if (!learned_ || !keep_learned_)
         throw std::logic_error(
             "segmentation: no learned background was kept; call keep_learned() before learn()");
+    stream_.use();
     stream_.wait();
     begin(learned_model_);
 }
@@ -285,6 +290,7 @@ void CudaSegmenter::place_scene() {
 }
 
 void CudaSegmenter::set_camera(const CameraModel& camera) {
+    stream_.use();
     stream_.wait();
     data_.camera = make_projector(camera, "segmentation");
     const FloorDirections directions = floor_directions(camera);
@@ -297,8 +303,9 @@ void CudaSegmenter::set_camera(const CameraModel& camera) {
 }
 
 // A large image is on its way while the rest of it is copied. Small pieces do not pay: the calls of several
-// threads wait for each other in the driver.
+// threads wait for each other in the driver. A worker thread may call it.
 void CudaSegmenter::upload_image(const ImageView& image) {
+    stream_.use();
     constexpr std::size_t kPiece = 2 << 20;  // bytes
     const std::size_t row_bytes = static_cast<std::size_t>(data_.width) * data_.channels;
     const int rows = static_cast<int>(std::max<std::size_t>(1, kPiece / row_bytes));
@@ -314,6 +321,7 @@ void CudaSegmenter::upload_image(const ImageView& image) {
 void CudaSegmenter::begin_frame(const ImageView& image, const SegmentationPrior& prior) {
     if (!learned_) throw std::logic_error("segmentation: learn() the background before segmenting");
     cpu::check_image(image, data_.width, data_.height, data_.channels);
+    stream_.use();
     if (upload_in_flight_) stream_.wait();
     data_.tracked = !prior.region.empty();
     searched_ = {0, 0, data_.width, data_.height};
@@ -373,6 +381,7 @@ FrameSet CudaSegmenter::upload_cameras(std::span<CudaSegmenter* const> cameras) 
 
 // All steps of the members, which this segmenter is the first of. Waits once.
 void CudaSegmenter::decide_all(const std::vector<Member>& members, bool update) {
+    stream_.use();
     std::vector<CudaSegmenter*> cameras;
     for (const Member& member : members) cameras.push_back(member.segmenter);
     for (const Member& member : members)
@@ -444,6 +453,7 @@ void CudaSegmenter::decide(std::span<const Segmenter* const> others, Silhouettes
 // The masks are still on the device.
 void CudaSegmenter::end_frame(const Silhouettes&) {
     if (step_ == Step::kDecided && data_.interval > 0) {
+        stream_.use();
         CudaSegmenter* const own[] = {this};
         queue_update(stream_, upload_cameras(own), 1);
     }
@@ -454,17 +464,18 @@ void CudaSegmenter::end_frame(const Silhouettes&) {
 }  // namespace
 }  // namespace cuda
 
-std::shared_ptr<DeviceContext> make_device_context_cuda() {
-    cuda::require_gpu("segmentation");
-    return std::make_shared<cuda::CudaContext>();
+std::shared_ptr<DeviceContext> make_device_context_cuda(int gpu) {
+    cuda::require_gpu("segmentation", gpu);
+    return std::make_shared<cuda::CudaContext>(gpu);
 }
 
-std::unique_ptr<Segmenter> make_segmenter_cuda(int width, int height, int channels,
+std::unique_ptr<Segmenter> make_segmenter_cuda(int gpu, int width, int height, int channels,
                                                const SegmentationOptions& options,
                                                std::shared_ptr<DeviceContext> context) {
-    cuda::require_gpu("segmentation");
+    cuda::require_gpu("segmentation", gpu);
     auto own = std::dynamic_pointer_cast<cuda::CudaContext>(std::move(context));
-    if (!own) throw std::invalid_argument("segmentation: the context is not a GPU's");
+    if (!own || own->stream.gpu() != gpu)
+        throw std::invalid_argument("segmentation: the context is not that of " + name_of(Device::cuda(gpu)));
     return std::make_unique<cuda::CudaSegmenter>(width, height, channels, options, std::move(own));
 }
 

@@ -368,6 +368,7 @@ bool VolumeMaker::queue_more(const VolumeRequest& request, ColouringReport& repo
 }
 
 void VolumeMaker::make(const VolumeRequest& request, VoxelVolume& volume, ColouringReport& report) {
+    stream_.use();
     if (in_flight_) stream_.wait();  // an error ended the last call
     in_flight_ = true;
     room_.bricks = std::max(room_.bricks, static_cast<int>(request.given.size()));

@@ -28,6 +28,8 @@ std::vector<SilhouetteView> hull_silhouettes(std::span<const HullView> views, co
 
 class VolumeMaker {
   public:
+    explicit VolumeMaker(int gpu) : stream_(gpu) {}
+
     // With a hull, at least one view has a silhouette; for colours, at least one view. Waits once, again
     // where the volume needs more room than any before and after each kMaxRounds rounds.
     void make(const VolumeRequest& request, VoxelVolume& volume, ColouringReport& report);

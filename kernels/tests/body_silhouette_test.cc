@@ -12,6 +12,7 @@
 
 #include "kernels/shared/body_silhouette.h"
 #include "kernels/tests/capsule_body.h"
+#include "kernels/tests/tested_gpu.h"
 
 namespace kinevox::kernels {
 namespace {
@@ -132,7 +133,7 @@ class BodySilhouette : public ::testing::TestWithParam<Device> {
     }
     std::unique_ptr<BodySilhouetteRenderer> renderer;
 };
-INSTANTIATE_TEST_SUITE_P(Devices, BodySilhouette, ::testing::Values(Device::kCpu, Device::kCuda),
+INSTANTIATE_TEST_SUITE_P(Devices, BodySilhouette, ::testing::Values(Device::kCpu, testing::tested_gpu()),
                          [](const auto& info) { return info.param == Device::kCpu ? "Cpu" : "Cuda"; });
 
 TEST_P(BodySilhouette, MatchesReferenceInPinholeCameras) {

@@ -10,6 +10,7 @@
 
 #include "kernels/moments.h"
 #include "kernels/tests/moment_shapes.h"
+#include "kernels/tests/tested_gpu.h"
 
 namespace kinevox::kernels {
 namespace {
@@ -21,7 +22,7 @@ TEST(CudaMoments, EqualCpuForm) {
     for (const MomentOptions& options : {MomentOptions{}, MomentOptions{.order = 20, .grid = 128}}) {
         std::unique_ptr<MomentCalculator> gpu;
         try {
-            gpu = make_moment_calculator(Device::kCuda, options);
+            gpu = make_moment_calculator(testing::tested_gpu(), options);
         } catch (const std::runtime_error& error) {
             EXPECT_THAT(error.what(), ::testing::HasSubstr("use device cpu"));
             if (std::getenv("KINEVOX_REQUIRE_GPU")) FAIL() << "a GPU was asked for, but: " << error.what();

@@ -10,6 +10,7 @@
 
 #include "kernels/segmentation.h"
 #include "kernels/stages.h"
+#include "kernels/tests/tested_gpu.h"
 
 namespace kinevox::kernels {
 namespace {
@@ -46,7 +47,7 @@ class CudaSegmentation : public ::testing::Test {
   protected:
     void SetUp() override {
         try {
-            make_segmenter(Device::kCuda, 64, 48, 3);
+            make_segmenter(testing::tested_gpu(), 64, 48, 3);
         } catch (const std::runtime_error& error) {
             if (std::getenv("KINEVOX_REQUIRE_GPU")) FAIL() << "a GPU was asked for, but: " << error.what();
             GTEST_SKIP() << "not compared with the CPU: " << error.what();
@@ -61,7 +62,7 @@ TEST_F(CudaSegmentation, EqualsCpuFormForEachFrame) {
         SegmentationOptions options;
         options.update_interval = 2;
         auto cpu = make_segmenter(Device::kCpu, width, height, channels, options);
-        auto gpu = make_segmenter(Device::kCuda, width, height, channels, options);
+        auto gpu = make_segmenter(testing::tested_gpu(), width, height, channels, options);
         std::vector<Image> empty;
         std::vector<ImageView> views;
         for (int n = 0; n < 10; ++n) empty.push_back(draw(width, height, channels, -1, random));
@@ -109,7 +110,7 @@ TEST_F(CudaSegmentation, DecidesFrameSetAsCamerasAlone) {
     constexpr int kCameras = 3, kSizes[kCameras][2] = {{200, 96}, {130, 150}, {64, 75}};
     std::mt19937 random(5);
     std::vector<std::unique_ptr<Segmenter>> alone, together;
-    const auto stages = make_stage_factory(Device::kCuda);
+    const auto stages = make_stage_factory(testing::tested_gpu());
     for (const auto& size : kSizes) {
         std::vector<Image> empty;
         std::vector<ImageView> views;

@@ -18,6 +18,7 @@
 
 #include "kernels/colouring.h"
 #include "kernels/hull.h"
+#include "kernels/tests/tested_gpu.h"
 #include "kernels/tests/volume_scene.h"
 
 namespace kinevox::kernels {
@@ -33,7 +34,7 @@ using testing::sphere_distance;
 // Why CUDA cannot be used here; empty where it can.
 std::string why_no_cuda() {
     try {
-        make_hull_carver(Device::kCuda);
+        make_hull_carver(testing::tested_gpu());
     } catch (const std::runtime_error& error) {
         return error.what();
     }
@@ -54,13 +55,13 @@ TEST(CudaAbsent, ErrorNamesCauseAndRemedy) {
     const std::string why = why_no_cuda();
     if (why.empty()) GTEST_SKIP() << "there is a GPU";
     EXPECT_THAT(why, ::testing::HasSubstr("use device cpu"));
-    EXPECT_THROW(make_voxel_colourer(Device::kCuda), std::runtime_error);
+    EXPECT_THROW(make_voxel_colourer(testing::tested_gpu()), std::runtime_error);
 }
 
 TEST(CudaAbsent, InvalidOptionsAreReportedFirst) {
     HullOptions options;
     options.min_views = 0;
-    EXPECT_THROW(make_hull_carver(Device::kCuda, options), std::invalid_argument);
+    EXPECT_THROW(make_hull_carver(testing::tested_gpu(), options), std::invalid_argument);
 }
 
 void expect_sorted_and_filled(const VoxelVolume& volume) {
@@ -120,7 +121,7 @@ TEST_P(CudaHull, EqualsCpuForm) {
     options.miss_budget_permille = param.budget_permille;
     VoxelVolume cpu, gpu, again;
     make_hull_carver(Device::kCpu, options)->carve(scene.hull_views(), lattice, cpu);
-    auto carver = make_hull_carver(Device::kCuda, options);
+    auto carver = make_hull_carver(testing::tested_gpu(), options);
     carver->carve(scene.hull_views(), lattice, gpu);
     carver->carve(scene.hull_views(), lattice, again);
     const auto [filled, different] = compare(cpu, gpu);
@@ -144,7 +145,7 @@ TEST_F(Cuda, HullHandlesAbsentAndEmptyViews) {
     Scene scene = ring_of_cameras(4, 0, 0, 0);
     scene.draw([](const float* p) { return sphere_distance(p, 0, 0, 1.f, 0.25f); });
     const Lattice lattice = make_lattice(0.02f, 48, 48, 48);
-    auto carver = make_hull_carver(Device::kCuda);
+    auto carver = make_hull_carver(testing::tested_gpu());
     auto cpu_carver = make_hull_carver(Device::kCpu);
     VoxelVolume cpu, gpu;
     const auto expect_same = [&](std::size_t least) {
@@ -185,7 +186,7 @@ class CudaColouring : public Cuda {
         VoxelVolume cpu = hull, gpu = hull, again = hull;
         ColouringReport cpu_report, gpu_report, again_report;
         make_voxel_colourer(Device::kCpu, options)->colour(views, cpu, cpu_report);
-        auto colourer = make_voxel_colourer(Device::kCuda, options);
+        auto colourer = make_voxel_colourer(testing::tested_gpu(), options);
         colourer->colour(views, gpu, gpu_report);
         for (int n = 0; n < 3; ++n) {  // from the second time on as a graph
             again = hull;
@@ -261,14 +262,14 @@ TEST_F(CudaColouring, ManyRoundsEqualCpuForm) {
     expect_same(options, scene.colouring_views(), 0.005);
     VoxelVolume volume = hull;
     ColouringReport report;
-    make_voxel_colourer(Device::kCuda, options)->colour(scene.colouring_views(), volume, report);
+    make_voxel_colourer(testing::tested_gpu(), options)->colour(scene.colouring_views(), volume, report);
     EXPECT_GT(report.rounds, 16);
 }
 
 // One carver and one colourer, from a volume of few bricks to one of many and back.
 TEST_F(CudaColouring, VolumesOfAllSizesEqualCpuForm) {
-    auto carver = make_hull_carver(Device::kCuda);
-    auto colourer = make_voxel_colourer(Device::kCuda);
+    auto carver = make_hull_carver(testing::tested_gpu());
+    auto colourer = make_voxel_colourer(testing::tested_gpu());
     for (const float voxel_m : {0.04f, 0.008f, 0.02f}) {
         const int n = static_cast<int>(1.2f / voxel_m) / 8 * 8;
         VoxelVolume cpu, gpu;
@@ -298,7 +299,7 @@ TEST_F(CudaColouring, AllStepsEqualCpuFormWithAbsentViews) {
 }
 
 TEST_F(CudaColouring, HandlesEmptyAndRejectsInvalidInput) {
-    auto colourer = make_voxel_colourer(Device::kCuda);
+    auto colourer = make_voxel_colourer(testing::tested_gpu());
     VoxelVolume nothing;
     nothing.lattice = make_lattice(0.02f, 32, 32, 32);
     ColouringReport report;

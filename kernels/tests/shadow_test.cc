@@ -18,6 +18,7 @@
 #include "kernels/shared/kde_shadow.h"
 #include "kernels/stages.h"
 #include "kernels/tests/segmentation_scene.h"
+#include "kernels/tests/tested_gpu.h"
 
 namespace kinevox::kernels {
 namespace {
@@ -150,9 +151,9 @@ class Shadow : public ::testing::TestWithParam<Device> {
 };
 class ShadowCuda : public ::testing::Test {
   protected:
-    void SetUp() override { skip_without(Device::kCuda); }
+    void SetUp() override { skip_without(testing::tested_gpu()); }
 };
-INSTANTIATE_TEST_SUITE_P(Devices, Shadow, ::testing::Values(Device::kCpu, Device::kCuda),
+INSTANTIATE_TEST_SUITE_P(Devices, Shadow, ::testing::Values(Device::kCpu, testing::tested_gpu()),
                          [](const auto& info) { return info.param == Device::kCpu ? "Cpu" : "Cuda"; });
 
 // A round shadow of 0.5 m with a soft edge, in every camera; `shaded`: pixels of its inner part.
@@ -366,7 +367,7 @@ TEST_F(ShadowCuda, CamerasOfFrameSetNeedOneContext) {
     std::array<std::unique_ptr<Segmenter>, 2> segmenters;
     const TestImage image = camera.image([](auto...) { return 1.0; });
     for (auto& segmenter : segmenters) {
-        segmenter = make_segmenter(Device::kCuda, kImageWidth, kImageHeight, 3);
+        segmenter = make_segmenter(testing::tested_gpu(), kImageWidth, kImageHeight, 3);
         segmenter->set_camera(camera.model);
         segmenter->learn(std::vector{image.view()});
         segmenter->begin_frame(image.view(), {});
@@ -382,7 +383,7 @@ INSTANTIATE_TEST_SUITE_P(Rules, ShadowForms, ::testing::Bool(),
 
 TEST_P(ShadowForms, CudaEqualsCpu) {
     const SegmentationOptions options{.judge_faint = GetParam()};
-    Rig cpu(Device::kCpu, {1.2, 0.9}, options), gpu(Device::kCuda, {1.2, 0.9}, options);
+    Rig cpu(Device::kCpu, {1.2, 0.9}, options), gpu(testing::tested_gpu(), {1.2, 0.9}, options);
     const Rect body{80, 20, 112, 110};
     std::array<TestImage, 3> images;
     for (int c = 0; c < 3; ++c)

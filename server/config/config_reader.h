@@ -8,10 +8,13 @@
 #include <type_traits>
 
 #include "common/toml_reader.h"
+#include "kernels/device.h"
 #include "kernels/option_list.h"
 #include "server/config/daemon_config.h"
 
 namespace kinevox {
+
+kernels::Device device_or(const TomlTable& table, const char* key, kernels::Device fallback);
 
 // Reads options from a TOML table by their list (kernels/option_list.h). Paths are relative to `folder`.
 template <typename Options>
@@ -23,6 +26,8 @@ void read_options(const TomlTable& table, const std::filesystem::path& folder, O
         else if constexpr (std::is_enum_v<Value>)
             value = static_cast<Value>(
                 table.choice_index_or(info.key, static_cast<std::size_t>(value), info.choices));
+        else if constexpr (std::is_same_v<Value, kernels::Device>)
+            value = device_or(table, info.key, value);
         else if constexpr (std::is_same_v<Value, std::string>)
             value = info.choices.empty()
                         ? table.text_or(info.key, value)

@@ -12,6 +12,13 @@
 #include "server/pipeline/pipeline.h"
 
 namespace kinevox {
+kernels::Device device_or(const TomlTable& table, const char* key, kernels::Device fallback) {
+    const std::string name = table.text_or(key, kernels::name_of(fallback));
+    const auto device = kernels::device_of_name(name);
+    if (!device) table.fail(key, fmt::format("is '{}'; use {}", name, kernels::kDeviceNames));
+    return device.value_or(fallback);
+}
+
 namespace {
 
 void read_server(const TomlTable& table, const std::filesystem::path& folder, bool check_files_exist,

@@ -156,10 +156,8 @@ void visit_options(T& o, F&& f) {
       o.autostart);
 }
 
-inline constexpr std::array<std::string_view, 2> kDevices{"cpu", "cuda"};
-
 struct PipelineConfig {
-    kernels::Device device = kernels::Device::kCpu;
+    kernels::Device device;
     double voxel_mm = 10;
     bool colouring = true;
     int threads = 0;
@@ -169,7 +167,7 @@ struct PipelineConfig {
 template <typename T, typename F>
 requires kernels::SameOptions<T, PipelineConfig>
 void visit_options(T& o, F&& f) {
-    f(kernels::text_option("device", "Where images are segmented and volumes carved.", kDevices), o.device);
+    f(kernels::text_option("device", "Where images are segmented and volumes carved."), o.device);
     f({"voxel_mm", 2, 100, "mm", "Voxel edge; halving it takes about four times as long."}, o.voxel_mm);
     f({"colouring", 0, 1, "", "Photo-consistency carving and colouring."}, o.colouring);
     f({"threads", 0, 1024, "", "Compute threads; 0: one per core."}, o.threads);

@@ -55,7 +55,10 @@ absl::Status Capture::open(const MakeGpu& make_gpu) {
     auto read_options = pipeline_options(config);
     if (!read_options.ok()) return read_options.status();
     options = *std::move(read_options);
-    if (options.device == kernels::Device::kCuda) gpu = std::make_shared<Gpu>(make_gpu());
+    if (options.device.is_cuda()) {
+        gpu = std::make_shared<Gpu>(make_gpu(options.device));
+        if (gpu->usable()) spdlog::info("computing on {} ({})", gpu->device(), gpu->name());
+    }
     options.gpu = gpu;
     auto pipeline = Pipeline::create((*source)->cameras(), (*source)->fps(), options);
     if (!pipeline.ok()) return pipeline.status();

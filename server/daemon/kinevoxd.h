@@ -8,8 +8,8 @@
 
 namespace kinevox {
 
-// Called once, if the configuration requests a GPU.
-using MakeGpu = std::function<std::unique_ptr<const kernels::StageFactory>()>;
+// Called once, with the GPU that the configuration requests, if it does.
+using MakeGpu = std::function<std::unique_ptr<const kernels::StageFactory>(kernels::Device)>;
 
 // Returns the exit status.
 int run_kinevoxd(int argc, char** argv, const MakeGpu& make_gpu);

@@ -1,6 +1,5 @@
 #include "server/daemon/kinevoxd.h"
 
 int main(int argc, char** argv) {
-    using namespace kinevox::kernels;
-    return kinevox::run_kinevoxd(argc, argv, [] { return make_stage_factory(Device::kCuda); });
+    return kinevox::run_kinevoxd(argc, argv, kinevox::kernels::make_stage_factory);
 }

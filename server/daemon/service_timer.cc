@@ -80,7 +80,7 @@ void ServiceTimer::check() {
         }
     }
     std::string status = describe_status(runner_);
-    if (gpu_ && !gpu_->usable()) status += "; the GPU failed, the CPU computes";
+    if (gpu_ && !gpu_->usable()) status += "; the GPU " + gpu_->device() + " failed, the CPU computes";
     if (status != status_) {
         notify("STATUS=" + status);
         status_ = std::move(status);

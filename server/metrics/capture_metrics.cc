@@ -135,7 +135,7 @@ void write_gpu(const MetricsSnapshot& snapshot, MetricsText& text) {
     const Gpu::State& gpu = snapshot.gpu;
     text.gauge("kinevox_compute_device", "1 for the device that computes.");
     text.sample(gpu.usable ? 0 : 1, {{"device", "cpu"}});
-    text.sample(gpu.usable ? 1 : 0, {{"device", "cuda"}});
+    if (snapshot.gpu_configured) text.sample(gpu.usable ? 1 : 0, {{"device", gpu.device}, {"gpu", gpu.name}});
     text.one_gauge("kinevox_gpu_configured", "1 if the configuration requests a GPU.",
                    snapshot.gpu_configured ? 1 : 0);
     text.one_counter("kinevox_gpu_failures", "Failures of the GPU, after which the CPU computes.",

@@ -22,9 +22,10 @@ void Gpu::report_failure(const std::string& what) {
     const std::scoped_lock lock(mutex_);
     if (++failures_ > 1) return;
     message_ = fmt::format(
-        "the GPU{} failed: {}; the CPU computes since {:%Y-%m-%d %H:%M:%S} UTC, more slowly; check the GPU "
-        "(kinevox doctor), then restart the daemon",
-        name_.empty() ? "" : " (" + name_ + ")", what, fmt::gmtime(std::time(nullptr)));
+        "the GPU {}{} failed: {}; the CPU computes since {:%Y-%m-%d %H:%M:%S} UTC, more slowly; check the "
+        "GPU "
+        "(kinevox devices, kinevox doctor), then restart the daemon",
+        device(), name_.empty() ? "" : " (" + name_ + ")", what, fmt::gmtime(std::time(nullptr)));
     pending_message_ = message_;
 }
 
@@ -32,7 +33,7 @@ Gpu::State Gpu::state() const {
     State state;
     {
         const std::scoped_lock lock(mutex_);
-        state = {failures_ == 0, failures_, message_, {}};
+        state = {device(), name_, failures_ == 0, failures_, message_, {}};
     }
     if (state.usable) state.memory = stages_->memory();
     return state;

@@ -19,12 +19,17 @@ class Gpu {
     explicit Gpu(std::unique_ptr<const kernels::StageFactory> stages);
 
     const kernels::StageFactory& stages() const { return *stages_; }
+    std::string device() const { return kernels::name_of(stages_->device()); }  // "cuda:1"
+    const std::string& name() const {
+        return name_;
+    }  // "NVIDIA T4"; empty if it could not be used from the start
     bool usable() const;
 
     // `what` went wrong, in one line. Only the first failure is reported.
     void report_failure(const std::string& what);
 
     struct State {
+        std::string device, name;  // of the GPU, as above
         bool usable = true;
         std::uint64_t failures = 0;
         std::string message;  // why the CPU computes, since when and the remedy; empty while the GPU does

@@ -28,7 +28,7 @@ class Gpu;
 class PoseStage;
 
 struct PipelineOptions {
-    kernels::Device device = kernels::Device::kCpu;
+    kernels::Device device;
     // If set, this GPU computes until it fails, then the CPU does, and `device` is ignored. Otherwise a
     // failure of the GPU is an error.
     std::shared_ptr<Gpu> gpu;

@@ -22,7 +22,7 @@ namespace {
 
 struct Arguments {
     kinevox::ProcessOptions options;
-    std::string config_file, body_file, device = "cpu";
+    std::string config_file, body_file, device = "cpu";  // device: see kDeviceNames
     std::vector<std::string> save;
     double voxel_mm = 10;
     bool no_colouring = false, no_pose = false;
@@ -42,8 +42,14 @@ void declare(CLI::App& app, Arguments& arguments) {
     app.add_option("--config", arguments.config_file,
                    "Configuration file of the daemon that supplies the pipeline's options; the options below "
                    "override it");
-    app.add_option("--device", arguments.device, "cpu or cuda")
-        ->check(CLI::IsMember({"cpu", "cuda"}))
+    app.add_option("--device", arguments.device,
+                   std::string("Compute device: ") + kinevox::kernels::kDeviceNames)
+        ->check(CLI::Validator(
+            [](const std::string& name) {
+                if (kinevox::kernels::device_of_name(name)) return std::string();
+                return fmt::format("'{}' is unknown; use {}", name, kinevox::kernels::kDeviceNames);
+            },
+            "{cpu,cuda}"))
         ->capture_default_str();
     app.add_option("--voxel-mm", arguments.voxel_mm, "Voxel edge (mm)")->capture_default_str();
     app.add_option("--background-samples", options.pipeline.segmentation.samples,
@@ -97,8 +103,7 @@ absl::Status apply_config(const CLI::App& app, Arguments& arguments) {
     arguments.options.pipeline = *std::move(pipeline);
     if (app.count("--max-subjects") > 0) arguments.options.pipeline.tracker.max_subjects = max_subjects;
     if (app.count("--background-samples") > 0) arguments.options.pipeline.segmentation.samples = samples;
-    if (app.count("--device") == 0)
-        arguments.device = config->pipeline.device == kinevox::kernels::Device::kCuda ? "cuda" : "cpu";
+    if (app.count("--device") == 0) arguments.device = kinevox::kernels::name_of(config->pipeline.device);
     if (app.count("--voxel-mm") == 0) arguments.voxel_mm = config->pipeline.voxel_mm;
     if (app.count("--threads") == 0) arguments.threads = config->pipeline.threads;
     arguments.no_colouring = arguments.no_colouring || !config->pipeline.colouring;
@@ -116,8 +121,7 @@ absl::Status run(const CLI::App& app, Arguments& arguments) {
         std::ranges::replace(problem, '_', '-');  // the key of [pipeline] is the option's name
         return absl::InvalidArgumentError("--" + problem);
     }
-    options.pipeline.device =
-        arguments.device == "cuda" ? kinevox::kernels::Device::kCuda : kinevox::kernels::Device::kCpu;
+    options.pipeline.device = kinevox::kernels::device_of_name(arguments.device).value();
     options.pipeline.voxel_m = arguments.voxel_mm / 1000;
     options.pipeline.colouring = !arguments.no_colouring;
     options.pipeline.pose = !arguments.no_pose;

@@ -192,7 +192,8 @@ def gpu_fails(rig, seconds):
             text = urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10).read().decode()
             return float(re.search(rf"^{re.escape(name)} (\S+)$", text, re.M)[1])
 
-        demand("the GPU does not compute", metric('kinevox_compute_device{device="cuda"}') == 1)
+        device = 'kinevox_compute_device{device="cuda:0",gpu="a GPU made to fail"}'
+        demand("the GPU does not compute", metric(device) == 1)
         with recorded(daemon, "gpu"):
             time.sleep(seconds / 8)
             begin = time.monotonic()
@@ -203,7 +204,7 @@ def gpu_fails(rig, seconds):
             recovered_s = time.monotonic() - begin
             daemon.wait_measuring()
             time.sleep(seconds / 8)
-        wait_until("the service manager is notified", lambda: "the GPU failed" in daemon.service.status)
+        wait_until("the service manager is notified", lambda: "the GPU cuda:0 failed" in daemon.service.status)
         demand(
             "the metrics do not report it",
             metric("kinevox_gpu_failures_total") == 1 and metric('kinevox_compute_device{device="cpu"}') == 1,

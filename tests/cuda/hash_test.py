@@ -11,11 +11,13 @@ import emulator_runs
 
 def main():
     plain, asan, checked = sys.argv[1:]
-    runs = [(plain, settings, emulator_runs.name(settings)) for settings in emulator_runs.SETTINGS]
-    runs += [(asan, {}, "AddressSanitizer and UBSan"), (checked, {}, "access checker")]
+    on_second = ["160", "120", "25", "4", "cuda:1"]  # the default size
+    runs = [([plain], settings, emulator_runs.name(settings)) for settings in emulator_runs.SETTINGS]
+    runs += [([asan], {}, "AddressSanitizer and UBSan"), ([checked], {}, "access checker")]
+    runs += [([plain, *on_second], {"GUARDED": "1"}, "cuda:1, guarded 1")]
     expected, failures = None, 0
-    for program, settings, name in runs:
-        process = emulator_runs.run([program], settings)
+    for command, settings, name in runs:
+        process = emulator_runs.run(command, settings)
         expected = expected or process.stdout
         problem = emulator_runs.problem(process)
         if problem is None and process.stdout != expected:

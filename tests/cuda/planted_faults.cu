@@ -10,16 +10,18 @@ namespace {
 constexpr int kThreads = 64, kBlocks = 4, kCount = kThreads * kBlocks;
 constexpr unsigned kAllLanes = 0xffffffffu;
 
-// Numbers in device and pinned memory, and a stream for both.
+// Numbers in device and pinned memory, and a stream for both. Its GPU becomes the thread's.
 class Numbers {
   public:
-    explicit Numbers(int count) : count_(count) {
+    explicit Numbers(int count, int gpu = 0) : count_(count), gpu_(gpu) {
+        cudaSetDevice(gpu);
         cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking);
         cudaMalloc(reinterpret_cast<void**>(&device), bytes());
         cudaMallocHost(reinterpret_cast<void**>(&pinned), bytes());
         for (int n = 0; n < count; ++n) pinned[n] = 7 * n % 101;
     }
     ~Numbers() {
+        cudaSetDevice(gpu_);
         cudaFree(device);
         cudaFreeHost(pinned);
         cudaStreamDestroy(stream_);
@@ -40,7 +42,7 @@ class Numbers {
   private:
     std::size_t bytes() const { return static_cast<std::size_t>(count_) * sizeof(int); }
 
-    int count_;
+    int count_, gpu_;
     cudaStream_t stream_ = nullptr;
 };
 
@@ -225,6 +227,23 @@ std::vector<int> uninitialised_read(bool faulty) {
     return sums.values();
 }
 
+std::vector<int> another_gpus_stream(bool faulty) {
+    Numbers numbers(kCount);
+    if (faulty) cudaSetDevice(1);
+    return results(numbers,
+                   [&] { triple<<<kBlocks, kThreads, 0, numbers.stream()>>>(numbers.device, kCount); });
+}
+
+std::vector<int> another_gpus_memory(bool faulty) {
+    Numbers table(kThreads, faulty ? 1 : 0);
+    table.upload();
+    table.wait();
+    Numbers numbers(kCount);
+    return results(numbers, [&] {
+        add_table<<<kBlocks, kThreads, 0, numbers.stream()>>>(numbers.device, table.device);
+    });
+}
+
 constexpr Fault kFaults[] = {
     {"missing_barrier", missing_barrier},
     {"off_by_one", off_by_one},
@@ -238,6 +257,8 @@ constexpr Fault kFaults[] = {
     {"missing_upload", missing_upload},
     {"neighbour_read_while_written", neighbour_read_while_written},
     {"uninitialised_read", uninitialised_read},
+    {"another_gpus_stream", another_gpus_stream},
+    {"another_gpus_memory", another_gpus_memory},
 };
 
 }  // namespace

@@ -232,8 +232,8 @@ Results moments(Device device, const Size& size) {
 
 // Prints a stage's row; false if more than `allowed` of its values differ.
 template <class Stage>
-bool compare(const char* name, double allowed, Stage stage) {
-    const Results cpu = stage(Device::kCpu), cuda = stage(Device::kCuda);
+bool compare(const char* name, Device gpu, double allowed, Stage stage) {
+    const Results cpu = stage(Device::kCpu), cuda = stage(gpu);
     const std::size_t count = cuda.values.size(), differ = different(cpu, cuda);
     std::printf("%s\t%zu\t%zu\t%016llx\t%016llx\n", name, count, differ,
                 static_cast<unsigned long long>(cpu.hash()), static_cast<unsigned long long>(cuda.hash()));
@@ -241,18 +241,18 @@ bool compare(const char* name, double allowed, Stage stage) {
     return static_cast<double>(differ) <= allowed * static_cast<double>(count);
 }
 
-bool compare_all(const Size& size) {
+bool compare_all(Device gpu, const Size& size) {
     bool same = true;
-    same &= compare("segmentation, colour", 0.002, [&](Device d) { return segmentation(d, size, 3); });
-    same &= compare("segmentation, grey", 0.002, [&](Device d) { return segmentation(d, size, 1); });
-    same &= compare("hull", 0.0005, [&](Device d) { return hull(d, size, 0); });
-    same &= compare("hull with a budget", 0.0005, [&](Device d) { return hull(d, size, 5); });
-    same &= compare("colouring", 0.0005, [&](Device d) { return colouring(d, size, 0); });
-    same &= compare("colouring with a budget", 0.0005, [&](Device d) { return colouring(d, size, 5); });
-    same &= compare("frame sets", 0.0005, [&](Device d) { return frame_sets(d, size); });
+    same &= compare("segmentation, colour", gpu, 0.002, [&](Device d) { return segmentation(d, size, 3); });
+    same &= compare("segmentation, grey", gpu, 0.002, [&](Device d) { return segmentation(d, size, 1); });
+    same &= compare("hull", gpu, 0.0005, [&](Device d) { return hull(d, size, 0); });
+    same &= compare("hull with a budget", gpu, 0.0005, [&](Device d) { return hull(d, size, 5); });
+    same &= compare("colouring", gpu, 0.0005, [&](Device d) { return colouring(d, size, 0); });
+    same &= compare("colouring with a budget", gpu, 0.0005, [&](Device d) { return colouring(d, size, 5); });
+    same &= compare("frame sets", gpu, 0.0005, [&](Device d) { return frame_sets(d, size); });
     // The CPU draws polygons and sums in another order.
-    same &= compare("body silhouettes", 0.001, [&](Device d) { return body_silhouettes(d, size); });
-    same &= compare("moments", 1, [&](Device d) { return moments(d, size); });
+    same &= compare("body silhouettes", gpu, 0.001, [&](Device d) { return body_silhouettes(d, size); });
+    same &= compare("moments", gpu, 1, [&](Device d) { return moments(d, size); });
     return same;
 }
 
@@ -260,16 +260,20 @@ bool compare_all(const Size& size) {
 }  // namespace kinevox::kernels
 
 int main(int argc, char** argv) {
-    kinevox::kernels::Size size;
-    if (argc == 5) {
+    using namespace kinevox::kernels;
+    Size size;
+    Device gpu = Device::kCuda;
+    if (argc == 5 || argc == 6) {
         size = {std::atoi(argv[1]), std::atoi(argv[2]), std::atoi(argv[4]),
                 1e-3f * static_cast<float>(std::atof(argv[3]))};
-    } else if (argc != 1) {
-        std::fprintf(stderr, "usage: cuda_results [WIDTH HEIGHT VOXEL_MM FRAMES]\n");
+        gpu = argc == 6 ? device_of_name(argv[5]).value_or(Device::kCpu) : gpu;
+    }
+    if ((argc != 1 && argc != 5 && argc != 6) || !gpu.is_cuda()) {
+        std::fprintf(stderr, "usage: cuda_results [WIDTH HEIGHT VOXEL_MM FRAMES [cuda:N]]\n");
         return 2;
     }
     try {
-        return kinevox::kernels::compare_all(size) ? 0 : 1;
+        return compare_all(gpu, size) ? 0 : 1;
     } catch (const std::exception& error) {
         std::fprintf(stderr, "cuda_results: %s\n", error.what());
         return 1;

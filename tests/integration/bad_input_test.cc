@@ -269,6 +269,7 @@ TEST_F(BadInputTest, FlagsOfProcess) {
         {{good, "--out", out(), "--bogus"}, {"--bogus", "--help"}},
         {{good, "more", "--out", out()}, {"more"}},
         {{good, "--out", out(), "--device", "gpu"}, {"--device", "gpu", "cuda"}},
+        {{good, "--out", out(), "--device", "cuda:x"}, {"--device", "cuda:N", "kinevox devices"}},
         {{good, "--out", out(), "--save", "everything"}, {"--save", "everything", "volumes"}},
         {{good, "--out", out(), "--frames", "-1"}, {"--frames", "-1"}},
         {{good, "--out", out(), "--threads", "-1"}, {"--threads", "-1"}},

@@ -15,8 +15,10 @@ using GpuFails = std::function<bool(const std::string& stage)>;
 class FailingGpu final : public kernels::StageFactory {
   public:
     // `at_once`: VoxelColourer::carves_and_colours().
-    explicit FailingGpu(GpuFails fails, std::string problem = {}, bool at_once = false)
-        : fails_(std::move(fails)),
+    explicit FailingGpu(GpuFails fails, std::string problem = {}, bool at_once = false,
+                        kernels::Device device = kernels::Device::kCuda)
+        : device_(device),
+          fails_(std::move(fails)),
           problem_(std::move(problem)),
           at_once_(at_once),
           cpu_(make_stage_factory(kernels::Device::kCpu)) {}
@@ -30,12 +32,14 @@ class FailingGpu final : public kernels::StageFactory {
         const kernels::ColouringOptions& options) const override;
 
     std::string problem() const override { return problem_; }
+    kernels::Device device() const override { return device_; }
     std::string name() const override { return "a GPU made to fail"; }
     kernels::DeviceMemory memory() const override {
         return {std::uint64_t{3} << 30, std::uint64_t{16} << 30};
     }
 
   private:
+    const kernels::Device device_;
     const GpuFails fails_;
     const std::string problem_;
     const bool at_once_;

@@ -8,7 +8,7 @@
 #include "tests/support/failing_gpu.h"
 
 int main(int argc, char** argv) {
-    return kinevox::run_kinevoxd(argc, argv, [] {
+    return kinevox::run_kinevoxd(argc, argv, [](kinevox::kernels::Device device) {
         const char* const file = std::getenv("KINEVOX_GPU_FAILS_IN");
         return std::make_unique<kinevox::testing::FailingGpu>(
             [path = std::filesystem::path(file ? file : "")](const std::string& stage) {
@@ -17,6 +17,7 @@ int main(int argc, char** argv) {
                 std::string named;
                 std::ifstream(path) >> named;
                 return named == stage;
-            });
+            },
+            "", false, device);
     });
 }

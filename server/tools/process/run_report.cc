@@ -113,7 +113,7 @@ absl::StatusOr<std::string> run_fingerprint(const ProcessOptions& options) {
     fingerprint.add(KINEVOX_VERSION);
     if (absl::Status added = add_session(options.session_file, fingerprint); !added.ok()) return added;
     const PipelineOptions& pipeline = options.pipeline;
-    fingerprint.add_number(static_cast<int>(pipeline.device));
+    fingerprint.add_number(static_cast<int>(pipeline.device.is_cuda()));  // all GPUs give the same bits
     fingerprint.add_number(pipeline.voxel_m);
     fingerprint.add_number(pipeline.colouring);
     fingerprint.add_number(pipeline.pose);

@@ -50,10 +50,12 @@ Page* cached_page = nullptr;
 struct Allocation {
     std::size_t bytes;
     bool device;
+    int gpu;
 };
 std::map<std::uintptr_t, Allocation> allocations;
 
 const char* kernel = "";
+int gpu_of_kernel = 0;
 Access now;
 thread_local bool in_kernel = false;  // other threads of the host may run meanwhile
 Range stack, state, arguments;
@@ -107,7 +109,7 @@ bool unordered(const Access& before, bool atomic) {
     return before.thread >> 10 != now.thread >> 10 || before.epoch == now.epoch;
 }
 
-enum class Where { kThread, kShared, kProgram, kPinned, kDevice, kUnknown };
+enum class Where { kThread, kShared, kProgram, kPinned, kDevice, kOtherDevice, kUnknown };
 
 Where where_is(std::uintptr_t at, std::size_t bytes, bool& beyond) {
     if (stack.contains(at) || arguments.contains(at) || state.contains(at) ||
@@ -121,7 +123,8 @@ Where where_is(std::uintptr_t at, std::size_t bytes, bool& beyond) {
     auto found = allocations.upper_bound(at);
     if (found == allocations.begin() || at >= (--found)->first + found->second.bytes) return Where::kUnknown;
     beyond = at + bytes > found->first + found->second.bytes;
-    return found->second.device ? Where::kDevice : Where::kPinned;
+    if (!found->second.device) return Where::kPinned;
+    return found->second.gpu == gpu_of_kernel ? Where::kDevice : Where::kOtherDevice;
 }
 
 void check_read(Byte& byte, const Access& access, std::uintptr_t at, const void* pc) {
@@ -155,6 +158,7 @@ void check(const volatile void* memory, std::size_t bytes, Kind kind, const void
     const Where where = where_is(at, bytes, beyond);
     if (where == Where::kThread || where == Where::kPinned || where == Where::kProgram) return;
     if (where == Where::kUnknown) return report("an access to host memory or outside of allocations", at, pc);
+    if (where == Where::kOtherDevice) return report("an access to another GPU's memory", at, pc);
     if (beyond) return report("an access beyond the end of an allocation", at, pc);
     Access access = now;
     access.atomic = kind.atomic;
@@ -167,9 +171,9 @@ void check(const volatile void* memory, std::size_t bytes, Kind kind, const void
 
 }  // namespace
 
-void allocated(const void* memory, std::size_t bytes, bool device) {
+void allocated(const void* memory, std::size_t bytes, bool device, int gpu) {
     const auto at = reinterpret_cast<std::uintptr_t>(memory);
-    allocations[at] = {bytes, device};
+    allocations[at] = {bytes, device, gpu};
     for (std::size_t n = 0; device && n < bytes; ++n) byte_at(at + n) = {};
 }
 void freed(const void* memory) {
@@ -178,6 +182,9 @@ void freed(const void* memory) {
 void written(const void* memory, std::size_t bytes) {
     const auto at = reinterpret_cast<std::uintptr_t>(memory);
     for (std::size_t n = 0; n < bytes; ++n) byte_at(at + n).initialised = true;
+}
+void gpu_runs(int gpu) {
+    gpu_of_kernel = gpu;
 }
 void kernel_begins(const char* name, const void* call, std::size_t bytes) {
     kernel = name;

@@ -1,9 +1,10 @@
-// CUDA's runtime: streams, copies, graphs. One lock for all, since there is one block runner.
+// CUDA's runtime: devices, streams, copies, graphs. One lock for all, since there is one block runner.
 #include <chrono>
 #include <cstdio>
 #include <functional>
 #include <map>
 #include <mutex>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,15 +14,18 @@
 #include "tests/cuda/emulator/calls.h"
 #include "tests/cuda/emulator/cuda_runtime.h"
 #include "tests/cuda/emulator/device_memory.h"
+#include "tests/cuda/emulator/devices.h"
 #include "tests/cuda/emulator/settings.h"
 
 namespace cuda_emulator {
 
 using Work = std::function<void()>;
 struct Graph {
+    int device = 0;
     std::vector<Work> work;
 };
 struct Stream {
+    int device = 0;
     std::vector<Work> work;  // deferred
     std::unique_ptr<Graph> capture;
 };
@@ -33,18 +37,35 @@ DeviceMemory memory;
 std::vector<cudaStream_t> streams;
 Calls calls;
 thread_local cudaError_t last_error = cudaSuccess;
+thread_local int current_gpu = 0;
+std::set<int> with_context, broken;
 
 cudaError_t failed(cudaError_t error) {
     return last_error = error;
 }
 
+// What each call for a GPU begins with: its context is made where there is none, and it may be broken.
+cudaError_t enter_device() {
+    with_context.insert(current_gpu);
+    return broken.contains(current_gpu) ? failed(cudaErrorIllegalAddress) : cudaSuccess;
+}
+cudaError_t enter_stream(const Stream& stream) {
+    require_current(stream.device, "a stream");
+    return enter_device();
+}
+// Pinned memory may be that of another GPU in CUDA; here, no stage shares any.
+void require_current_memory(const void* at) {
+    if (const int gpu = memory.gpu_of(at); gpu >= 0) require_current(gpu, "memory");
+}
+
 void drain(Stream& stream) {
     if (stream.work.empty()) return;
-    memory.set_open(true);
+    memory.set_open(true, stream.device);
+    access::gpu_runs(stream.device);
     for (const Work& work : stream.work) work();
     stream.work.clear();
-    memory.check_gaps();
-    memory.set_open(false);
+    memory.check_gaps(stream.device);
+    memory.set_open(false, stream.device);
 }
 
 void submit(cudaStream_t stream, Work work) {
@@ -81,6 +102,8 @@ void run_kernel(const Launch& launch, const char* name, const Call& call, std::s
 
 // Whether a copy's ends are where its kind says; warns of host memory that is not pinned.
 bool valid_copy(const void* to, const void* from, std::size_t bytes, cudaMemcpyKind kind) {
+    require_current_memory(to);
+    require_current_memory(from);
     const auto at_to = memory.kind_of(to, bytes), at_from = memory.kind_of(from, bytes);
     using Kind = DeviceMemory::Kind;
     const bool to_device = kind != cudaMemcpyDeviceToHost, from_device = kind != cudaMemcpyHostToDevice;
@@ -92,6 +115,31 @@ bool valid_copy(const void* to, const void* from, std::size_t bytes, cudaMemcpyK
 }
 
 }  // namespace
+
+int current_device() {
+    return current_gpu;
+}
+
+std::vector<int> take_devices_with_context() {
+    const std::lock_guard lock(mutex);
+    const std::set<int> taken = std::exchange(with_context, {});
+    return {taken.begin(), taken.end()};
+}
+
+void break_device(int device) {
+    const std::lock_guard lock(mutex);
+    broken.insert(device);
+}
+void repair_devices() {
+    const std::lock_guard lock(mutex);
+    broken.clear();
+}
+
+void require_current(int device, const char* what) {
+    if (device != current_gpu)
+        fail(std::string(what) + " of cuda:" + std::to_string(device) +
+             " is used while the thread's GPU is cuda:" + std::to_string(current_gpu));
+}
 
 Calls take_calls() {
     const std::lock_guard lock(mutex);
@@ -109,6 +157,7 @@ void enqueue(const Launch& launch, const char* name, std::shared_ptr<const Call>
         return;
     }
     if (launch.stream == nullptr) fail(std::string(name) + " runs on the default stream");
+    if (enter_stream(*launch.stream) != cudaSuccess) return;
     ++calls.launches;
     submit(launch.stream, [launch, name, call, bytes] { run_kernel(launch, name, *call, bytes); });
 }
@@ -119,19 +168,23 @@ using namespace cuda_emulator;
 
 cudaError_t cudaStreamCreateWithFlags(cudaStream_t* stream, unsigned) {
     const std::lock_guard lock(mutex);
-    *stream = new Stream;
+    if (const cudaError_t error = enter_device(); error != cudaSuccess) return error;
+    *stream = new Stream{.device = current_gpu};
     streams.push_back(*stream);
     return cudaSuccess;
 }
 cudaError_t cudaStreamDestroy(cudaStream_t stream) {
     const std::lock_guard lock(mutex);
-    drain(*stream);
+    if (!stream) return failed(cudaErrorInvalidValue);
+    const cudaError_t error = enter_stream(*stream);
+    if (error == cudaSuccess) drain(*stream);
     std::erase(streams, stream);
     delete stream;
-    return cudaSuccess;
+    return error;
 }
 cudaError_t cudaStreamSynchronize(cudaStream_t stream) {
     const std::lock_guard lock(mutex);
+    if (const cudaError_t error = enter_stream(*stream); error != cudaSuccess) return error;
     if (stream->capture) return failed(cudaErrorStreamCaptureUnsupported);
     ++calls.waits;
     drain(*stream);
@@ -141,16 +194,21 @@ cudaError_t cudaStreamSynchronize(cudaStream_t stream) {
 static cudaError_t allocate(void** out, std::size_t bytes, bool device) {
     const std::lock_guard lock(mutex);
     *out = nullptr;
+    if (const cudaError_t error = enter_device(); error != cudaSuccess) return error;
     if (bytes == 0) return cudaSuccess;
     ++calls.allocations;
-    *out = memory.allocate(bytes, device);
+    *out = memory.allocate(bytes, device, current_gpu);
     return *out ? cudaSuccess : failed(cudaErrorMemoryAllocation);
 }
 static cudaError_t release(void* at, bool device) {
     const std::lock_guard lock(mutex);
-    if (!at) return cudaSuccess;
-    for (const cudaStream_t stream : streams) drain(*stream);  // as CUDA does
-    return memory.release(at, device) ? cudaSuccess : failed(cudaErrorInvalidValue);
+    const cudaError_t error = enter_device();
+    if (!at) return error;
+    require_current_memory(at);
+    for (const cudaStream_t stream : streams)  // as CUDA does
+        if (stream->device == current_gpu && error == cudaSuccess) drain(*stream);
+    const bool released = memory.release(at, device);
+    return error != cudaSuccess || released ? error : failed(cudaErrorInvalidValue);
 }
 cudaError_t cudaMalloc(void** out, std::size_t bytes) {
     return allocate(out, bytes, true);
@@ -168,6 +226,7 @@ cudaError_t cudaFreeHost(void* at) {
 cudaError_t cudaMemcpy2DAsync(void* to, std::size_t to_pitch, const void* from, std::size_t from_pitch,
                               std::size_t bytes, std::size_t rows, cudaMemcpyKind kind, cudaStream_t stream) {
     const std::lock_guard lock(mutex);
+    if (const cudaError_t error = enter_stream(*stream); error != cudaSuccess) return error;
     if (rows == 0 || bytes == 0) return cudaSuccess;
     if (bytes > to_pitch || bytes > from_pitch) return failed(cudaErrorInvalidValue);
     const std::size_t to_span = (rows - 1) * to_pitch + bytes, from_span = (rows - 1) * from_pitch + bytes;
@@ -197,6 +256,8 @@ cudaError_t cudaMemcpyAsync(void* to, const void* from, std::size_t bytes, cudaM
 }
 cudaError_t cudaMemsetAsync(void* to, int value, std::size_t bytes, cudaStream_t stream) {
     const std::lock_guard lock(mutex);
+    if (const cudaError_t error = enter_stream(*stream); error != cudaSuccess) return error;
+    require_current_memory(to);
     if (memory.kind_of(to, bytes) != DeviceMemory::Kind::kDevice) return failed(cudaErrorInvalidValue);
     ++calls.memsets;
     submit(stream, [=] {
@@ -208,8 +269,9 @@ cudaError_t cudaMemsetAsync(void* to, int value, std::size_t bytes, cudaStream_t
 
 cudaError_t cudaStreamBeginCapture(cudaStream_t stream, cudaStreamCaptureMode) {
     const std::lock_guard lock(mutex);
+    if (const cudaError_t error = enter_stream(*stream); error != cudaSuccess) return error;
     if (stream->capture) return failed(cudaErrorStreamCaptureUnsupported);
-    stream->capture = std::make_unique<Graph>();
+    stream->capture = std::make_unique<Graph>(Graph{.device = stream->device, .work = {}});
     return cudaSuccess;
 }
 cudaError_t cudaStreamEndCapture(cudaStream_t stream, cudaGraph_t* graph) {
@@ -224,6 +286,8 @@ cudaError_t cudaGraphInstantiate(cudaGraphExec_t* executable, cudaGraph_t graph,
 }
 cudaError_t cudaGraphLaunch(cudaGraphExec_t executable, cudaStream_t stream) {
     const std::lock_guard lock(mutex);
+    require_current(executable->device, "a graph");
+    if (const cudaError_t error = enter_stream(*stream); error != cudaSuccess) return error;
     ++calls.launches;
     for (const Work& work : executable->work) submit(stream, work);
     return cudaSuccess;
@@ -233,6 +297,7 @@ cudaError_t cudaGraphDestroy(cudaGraph_t graph) {
     return cudaSuccess;
 }
 cudaError_t cudaGraphExecDestroy(cudaGraphExec_t executable) {
+    require_current(executable->device, "a graph");
     delete executable;
     return cudaSuccess;
 }
@@ -250,20 +315,64 @@ const char* cudaGetErrorString(cudaError_t error) {
             return "out of memory";
         case cudaErrorInvalidConfiguration:
             return "invalid configuration argument";
+        case cudaErrorInsufficientDriver:
+            return "CUDA driver version is insufficient for CUDA runtime version";
+        case cudaErrorNoDevice:
+            return "no CUDA-capable device is detected";
+        case cudaErrorInvalidDevice:
+            return "invalid device ordinal";
+        case cudaErrorNoKernelImageForDevice:
+            return "no kernel image is available for execution on the device";
+        case cudaErrorUnsupportedPtxVersion:
+            return "the provided PTX was compiled with an unsupported toolchain.";
+        case cudaErrorIllegalAddress:
+            return "an illegal memory access was encountered";
         case cudaErrorStreamCaptureUnsupported:
             return "operation not permitted when stream is capturing";
     }
     return "unrecognized error code";
 }
+static constexpr std::size_t kMemoryBytes = std::size_t{8} << 30;  // of each GPU
+static bool exists(int device) {
+    return device >= 0 && device < settings().devices;
+}
+
 cudaError_t cudaGetDeviceCount(int* count) {
-    *count = 1;
+    *count = settings().devices;
+    return *count > 0 ? cudaSuccess : failed(cudaErrorNoDevice);
+}
+cudaError_t cudaGetDevice(int* device) {
+    *device = current_gpu;
     return cudaSuccess;
 }
-cudaError_t cudaGetDeviceProperties(cudaDeviceProp* properties, int) {
-    *properties = {"CUDA emulator", 9, 0, 1};
+cudaError_t cudaSetDevice(int device) {
+    const std::lock_guard lock(mutex);
+    if (!exists(device)) return failed(cudaErrorInvalidDevice);
+    current_gpu = device;
+    return enter_device();
+}
+cudaError_t cudaGetDeviceProperties(cudaDeviceProp* properties, int device) {
+    if (!exists(device)) return failed(cudaErrorInvalidDevice);
+    *properties = {"CUDA emulator", 9, 0, 1, kMemoryBytes};
+    return cudaSuccess;
+}
+cudaError_t cudaDeviceGetPCIBusId(char* id, int bytes, int device) {
+    if (!exists(device)) return failed(cudaErrorInvalidDevice);
+    std::snprintf(id, static_cast<std::size_t>(bytes), "0000:%02x:00.0", 1 + device);
+    return cudaSuccess;
+}
+cudaError_t cudaDriverGetVersion(int* version) {
+    *version = settings().devices > 0 ? CUDART_VERSION : 0;
+    return cudaSuccess;
+}
+cudaError_t cudaRuntimeGetVersion(int* version) {
+    *version = CUDART_VERSION;
     return cudaSuccess;
 }
 cudaError_t cudaMemGetInfo(std::size_t* free_bytes, std::size_t* total_bytes) {
-    *free_bytes = *total_bytes = std::size_t{8} << 30;
+    const std::lock_guard lock(mutex);
+    if (const cudaError_t error = enter_device(); error != cudaSuccess) return error;
+    *total_bytes = kMemoryBytes;
+    *free_bytes = kMemoryBytes - memory.bytes_on(current_gpu);
     return cudaSuccess;
 }

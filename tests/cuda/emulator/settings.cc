@@ -27,6 +27,8 @@ Settings read_settings() {
     if (!poison.empty()) out.poison = static_cast<unsigned char>(std::atoi(poison.c_str()));
     out.deferred = !variable("KINEVOX_EMULATOR_DEFERRED").empty();
     out.guarded = !variable("KINEVOX_EMULATOR_GUARDED").empty();
+    const std::string devices = variable("KINEVOX_EMULATOR_DEVICES");
+    if (!devices.empty()) out.devices = std::atoi(devices.c_str());
     out.profile = !variable("KINEVOX_EMULATOR_PROFILE").empty();
     return out;
 }

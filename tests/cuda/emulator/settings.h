@@ -16,6 +16,7 @@ struct Settings {
     bool deferred =
         false;  // KINEVOX_EMULATOR_DEFERRED=1: a stream's work is done when the host waits for it, not before
     bool guarded = false;  // KINEVOX_EMULATOR_GUARDED=1: the host's accesses to device memory end the program
+    int devices = 2;       // KINEVOX_EMULATOR_DEVICES=N: number of GPUs
     bool profile = false;  // KINEVOX_EMULATOR_PROFILE=1: launches, blocks and time of each kernel, at exit
 };
 

@@ -78,6 +78,8 @@ TEST(Config, ExampleHoldsEveryListedOption) {
                 EXPECT_EQ(static_cast<Value>(std::stod(found[2])), value) << info.key;
             else if constexpr (std::is_enum_v<Value>)
                 EXPECT_EQ(found[2], fmt::format("\"{}\"", info.choices[static_cast<std::size_t>(value)]));
+            else if constexpr (std::is_same_v<Value, kernels::Device>)
+                EXPECT_EQ(found[2], fmt::format("\"{}\"", kernels::name_of(value)));
             else  // the example shows a path or name where the default is empty
                 EXPECT_EQ(found[1].matched, value == Value{} && found[2] != "\"\"") << info.key;
             for (const std::string_view choice : info.choices)
@@ -119,7 +121,7 @@ TEST(Config, AcceptsEveryListedChoice) {
     EXPECT_EQ(parse_config_toml("[source.cameras]\ntrigger = 'free_run'\n", "/", "probe", false)
                   ->source.cameras.trigger,
               LiveSourceConfig::Trigger::kFreeRun);
-    EXPECT_GE(choices, 33);
+    EXPECT_GE(choices, 31);
 }
 
 // A value just outside each listed range is refused, by the reader as by `kinevox process`.
@@ -139,6 +141,26 @@ TEST(Config, RefusesValuesOutsideEveryListedRange) {
     });
     EXPECT_THAT(kernels::check_ranges(PipelineConfig{.voxel_mm = 1}), HasSubstr("2 to 100"));
     EXPECT_EQ(kernels::check_ranges(PipelineConfig{}), "");
+}
+
+TEST(Config, ReadsDeviceNamesAndRefusesOthers) {
+    const auto read = [](const std::string& value) {
+        return parse_config_toml("[pipeline]\ndevice = " + value + "\n", "/", "probe", false);
+    };
+    EXPECT_EQ(read("'cpu'")->pipeline.device, kernels::Device::kCpu);
+    EXPECT_EQ(read("'cuda'")->pipeline.device, kernels::Device::cuda(0));
+    EXPECT_EQ(read("'cuda:0'")->pipeline.device, kernels::Device::cuda(0));
+    EXPECT_EQ(read("'cuda:12'")->pipeline.device, kernels::Device::cuda(12));
+    for (const char* name :
+         {"gpu", "", "CUDA", "cuda:", "cuda:-1", "cuda:01", "cuda:1x", "cuda:1000", "cuda 1"})
+        EXPECT_THAT(
+            std::string(read(fmt::format("'{}'", name)).status().message()),
+            ::testing::AllOf(HasSubstr("probe:2"), HasSubstr("'pipeline.device'"),
+                             HasSubstr(fmt::format("is '{}'; use cpu, cuda or cuda:N; `kinevox devices` "
+                                                   "lists them",
+                                                   name))))
+            << name;
+    EXPECT_THAT(std::string(read("1").status().message()), HasSubstr("'pipeline.device'"));
 }
 
 TEST(Config, ReadsOptionsOfEveryPart) {
@@ -333,7 +355,7 @@ loop = false
 motion = "sprint_start"
 fps = 60
 [pipeline]
-device = "cuda"
+device = "cuda:1"
 voxel_mm = 5
 [pose]
 database_file = "poses.kvxposes"
@@ -351,7 +373,7 @@ file = "kinevoxd.log"
     EXPECT_FALSE(config->source.loop);
     EXPECT_EQ(config->source.studio.motion, "sprint_start");
     EXPECT_EQ(config->source.studio.fps, 60);
-    EXPECT_EQ(config->pipeline.device, kernels::Device::kCuda);
+    EXPECT_EQ(config->pipeline.device, kernels::Device::cuda(1));
     EXPECT_EQ(config->pipeline.voxel_mm, 5);
     EXPECT_EQ(config->pose.database_file, folder / "poses.kvxposes");
     EXPECT_EQ(config->pose.library_pose_count, 30);

@@ -12,6 +12,7 @@
 #include <limits>
 #include <thread>
 
+#include "server/metrics/capture_metrics.h"
 #include "server/metrics/http_endpoint.h"
 #include "server/pipeline/capture_statistics.h"
 
@@ -33,6 +34,21 @@ TEST(MetricsText, NamesCountersByFormat) {
     EXPECT_EQ(old.take(),
               "# HELP kinevox_frame_sets_processed_total Results.\n# TYPE kinevox_frame_sets_processed_total "
               "counter\nkinevox_frame_sets_processed_total 12\n");
+}
+
+TEST(CaptureMetrics, NameDeviceThatComputes) {
+    MetricsSnapshot snapshot;
+    EXPECT_THAT(capture_metrics(snapshot, Format::kPrometheus),
+                HasSubstr("\nkinevox_compute_device{device=\"cpu\"} 1\n# HELP kinevox_gpu_configured"));
+    snapshot.gpu_configured = true;
+    snapshot.gpu = {.device = "cuda:1", .name = "NVIDIA T4", .usable = true};
+    EXPECT_THAT(capture_metrics(snapshot, Format::kPrometheus),
+                HasSubstr("\nkinevox_compute_device{device=\"cpu\"} 0\n"
+                          "kinevox_compute_device{device=\"cuda:1\",gpu=\"NVIDIA T4\"} 1\n"));
+    snapshot.gpu.usable = false;
+    EXPECT_THAT(capture_metrics(snapshot, Format::kPrometheus),
+                HasSubstr("\nkinevox_compute_device{device=\"cpu\"} 1\n"
+                          "kinevox_compute_device{device=\"cuda:1\",gpu=\"NVIDIA T4\"} 0\n"));
 }
 
 TEST(MetricsText, EscapesLabelsAndHelp) {

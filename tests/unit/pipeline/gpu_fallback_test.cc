@@ -7,84 +7,27 @@
 #include <string>
 #include <tuple>
 
-#include "server/cameras/studio/studio_source.h"
-#include "server/pipeline/gpu.h"
-#include "server/pipeline/pipeline.h"
 #include "tests/support/failing_gpu.h"
+#include "tests/unit/pipeline/small_pipeline.h"
 
 namespace kinevox {
 namespace {
 
 using ::testing::AllOf;
 using ::testing::ElementsAre;
+using testing::errors_in;
+using testing::expect_same;
 using ::testing::HasSubstr;
+using testing::kFrames;
+using testing::run;
 using ::testing::SizeIs;
-
-constexpr int kFrames = 12;
-
-std::unique_ptr<StudioSource> studio() {
-    StudioSourceOptions options;
-    options.studio.width = 160, options.studio.height = 120;
-    options.background_frames = 10;
-    options.pacing = Pacing::kAsFastAsPossible;
-    return *StudioSource::create(options);
-}
-
-PipelineOptions small_options(std::shared_ptr<Gpu> gpu) {
-    PipelineOptions options;
-    options.voxel_m = 0.04;
-    options.pose = false;
-    options.gpu = std::move(gpu);
-    return options;
-}
-
-// The results of the studio's first frame sets; empty where one fails.
-std::vector<FrameResultPtr> run(std::shared_ptr<Gpu> gpu, const std::function<void(int frame)>& before = {}) {
-    const auto source = studio();
-    auto pipeline = Pipeline::create(source->cameras(), source->fps(), small_options(std::move(gpu)));
-    EXPECT_TRUE(pipeline.ok()) << pipeline.status();
-    EXPECT_TRUE((*pipeline)->learn_background(*source->background()).ok());
-    std::vector<FrameResultPtr> results;
-    for (int frame = 0; frame < kFrames; ++frame) {
-        if (before) before(frame);
-        auto result = (*pipeline)->process(*source->next());
-        EXPECT_TRUE(result.ok()) << result.status();
-        if (!result.ok()) return {};
-        results.push_back(*std::move(result));
-    }
-    return results;
-}
+using testing::small_options;
+using testing::studio;
+using testing::volume_of;
 
 std::shared_ptr<Gpu> gpu_that(testing::GpuFails fails, std::string problem = {}, bool at_once = false) {
-    return std::make_shared<Gpu>(
-        std::make_unique<testing::FailingGpu>(std::move(fails), std::move(problem), at_once));
-}
-
-std::vector<std::string> errors_in(const std::vector<FrameResultPtr>& results) {
-    std::vector<std::string> errors;
-    for (const auto& result : results)
-        for (const Event& event : result->events)
-            if (event.kind == EventKind::kGpuFailed) errors.push_back(event.message);
-    return errors;
-}
-
-// Null: none.
-const Volume* subject_volume(const FrameResultPtr& result) {
-    return result->first_subject() ? result->first_subject()->volume.get() : nullptr;
-}
-
-double volume_of(const FrameResultPtr& result) {
-    const Volume* const volume = subject_volume(result);
-    return volume ? volume_litres(*volume) : 0;
-}
-
-void expect_same(const FrameResultPtr& a, const FrameResultPtr& b) {
-    for (std::size_t c = 0; c < a->silhouettes.size(); ++c)
-        EXPECT_EQ(a->silhouettes[c].sharp, b->silhouettes[c].sharp);
-    ASSERT_EQ(subject_volume(a) != nullptr, subject_volume(b) != nullptr) << a->sequence;
-    if (!subject_volume(a)) return;
-    EXPECT_EQ(volume_of(a), volume_of(b)) << a->sequence;
-    EXPECT_EQ(subject_volume(a)->colours, subject_volume(b)->colours) << a->sequence;
+    return std::make_shared<Gpu>(std::make_unique<testing::FailingGpu>(std::move(fails), std::move(problem),
+                                                                       at_once, kernels::Device::cuda(1)));
 }
 
 // A stage, and whether the GPU carves and colours at once.
@@ -120,7 +63,7 @@ TEST_P(FailsIn, FinishesFrameSetOnCpu) {
                     0.1 * volume_of(undisturbed[frame]));
     EXPECT_EQ(asked_after, 0) << "the GPU is left alone once it has failed";
     EXPECT_THAT(errors_in(results),
-                ElementsAre(AllOf(HasSubstr("the GPU (a GPU made to fail) failed: CUDA: "),
+                ElementsAre(AllOf(HasSubstr("the GPU cuda:1 (a GPU made to fail) failed: CUDA: "),
                                   HasSubstr("; the CPU computes since "), HasSubstr("restart"))));
     EXPECT_EQ(gpu->state().failures, 1u);
     EXPECT_EQ(gpu->state().memory.total_bytes, 0u);
@@ -143,6 +86,8 @@ TEST(GpuFallback, UsesAndReportsWorkingGpu) {
                 ::testing::UnorderedElementsAre("making", "learning", "segmentation", "hull", "colouring"));
     EXPECT_THAT(errors_in(results), SizeIs(0));
     EXPECT_TRUE(gpu->state().usable);
+    EXPECT_EQ(gpu->state().device, "cuda:1");
+    EXPECT_EQ(gpu->state().name, "a GPU made to fail");
     EXPECT_EQ(gpu->state().message, "");
     EXPECT_EQ(gpu->state().memory.used_bytes, std::uint64_t{3} << 30);
 }
