@@ -84,6 +84,7 @@ class BugReport(unittest.TestCase):
                 "events.jsonl",
                 "calibrations.json",
                 "doctor.json",
+                "devices.json",
                 "metrics.txt",
                 "log.txt",
             },
@@ -95,6 +96,7 @@ class BugReport(unittest.TestCase):
         self.assertEqual(len(json.loads(files["cameras.json"])), 2)
         self.assertIn("serves", files["log.txt"].decode())
         json.loads(files["doctor.json"])
+        self.assertIn("recommended", json.loads(files["devices.json"]))
         everything = b"".join(files.values())
         self.assertNotIn(TOKEN[8:].encode(), everything)
         self.assertNotIn(b"MIIEvQ", everything)

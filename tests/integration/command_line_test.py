@@ -2,6 +2,7 @@
 """What every command of every program keeps to: help, --json, exit status, suggestions and files that are not replaced.
 
 usage: command_line_test.py BUILD_FOLDER [unittest options]"""
+import json
 import re
 import subprocess
 import sys
@@ -61,7 +62,9 @@ class EveryCommand(unittest.TestCase):
         self.assertGreater(len(names), 55)
         for name in ("status", "record delete", "calibrate check", "calibrate apply", "token list", "tls issue client"):
             self.assertIn(name, names)
-        for name in ("process", "export", "report", "compare", "sync", "studio", "discover", "doctor", "bug-report"):
+        for name in ("process", "export", "report", "compare", "sync", "studio"):
+            self.assertIn(name, names)
+        for name in ("devices", "discover", "doctor", "bug-report"):
             self.assertIn(name, names)
 
     def test_help_documents_the_exit_status(self):
@@ -82,6 +85,21 @@ class EveryCommand(unittest.TestCase):
                 continue
             if re.search(r"--(out|plot)\b", text):
                 self.assertIn("--overwrite", text, command)
+
+
+class Devices(unittest.TestCase):
+    def test_lists_the_cpu_and_recommends_a_device_that_is_usable(self):
+        done = run(KINEVOX, "devices", "--json")
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        devices = json.loads(done.stdout)
+        self.assertGreaterEqual(devices["cpu"]["logical_cores"], 1)
+        usable = [gpu["device"] for gpu in devices["gpus"] if gpu["usable"]]
+        self.assertIn(devices["recommended"], usable or ["cpu"])
+        self.assertEqual(bool(devices["gpus"]), devices["cuda"]["problem"] is None)
+        table = run(KINEVOX, "devices").stdout
+        self.assertRegex(table, r"(?m)^cpu +- +- +(usable|recommended) +\S")
+        if not devices["gpus"]:
+            self.assertIn(f"no GPU: {devices['cuda']['problem']}; {devices['cuda']['remedy']}", table)
 
 
 class Mistakes(unittest.TestCase):
