@@ -146,7 +146,8 @@ TEST_F(DoctorTest, IgnoresUsbMemoryWithoutUsbCameras) {
 TEST_F(DoctorTest, GpuFailsOnlyIfConfigured) {
     const Facts cuda = facts_with("[pipeline]\ndevice = \"cuda\"\n");
     EXPECT_THAT(check_gpu(facts()), ElementsAre(is(Severity::kOk, "none is configured")));
-    EXPECT_THAT(check_gpu(cuda), ElementsAre(is(Severity::kError, "selects cuda")));
+    EXPECT_THAT(check_gpu(cuda),
+                ElementsAre(is(Severity::kError, "selects cuda:0, but there is no NVIDIA card")));
     write("sys/bus/pci/devices/0000:01:00.0/vendor", "0x10de");
     write("sys/bus/pci/devices/0000:01:00.0/class", "0x030000");
     EXPECT_THAT(check_gpu(facts()), ElementsAre(is(Severity::kWarning, "driver is not loaded")));
@@ -156,6 +157,13 @@ TEST_F(DoctorTest, GpuFailsOnlyIfConfigured) {
                 ElementsAre(is(Severity::kError, "535.183.01 is loaded, but /dev/nvidiactl is missing")));
     for (const char* node : {"nvidiactl", "nvidia0", "nvidia-uvm"}) write(std::string("dev/") + node, "");
     EXPECT_THAT(check_gpu(cuda), ElementsAre(is(Severity::kOk, "535.183.01")));
+    write("proc/driver/nvidia/gpus/0000:01:00.0/information", "");
+    const Facts second = facts_with("[pipeline]\ndevice = \"cuda:1\"\n");
+    EXPECT_THAT(check_gpu(second), ElementsAre(is(Severity::kError,
+                                                  "selects cuda:1, but NVIDIA's driver 535.183.01 "
+                                                  "finds 1 GPU")));
+    write("proc/driver/nvidia/gpus/0000:02:00.0/information", "");
+    EXPECT_THAT(check_gpu(second), ElementsAre(is(Severity::kOk, "535.183.01")));
 }
 
 TEST_F(DoctorTest, WarnsIfHugePagesAreOff) {

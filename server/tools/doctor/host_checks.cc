@@ -32,7 +32,8 @@ std::string driver_version(const Machine& machine) {
 }  // namespace
 
 Findings check_gpu(const Facts& facts) {
-    const bool wanted = facts.settings().pipeline.device == kernels::Device::kCuda;
+    const kernels::Device device = facts.settings().pipeline.device;
+    const bool wanted = device.is_cuda();
     const Severity worst = wanted ? Severity::kError : Severity::kWarning;
     const std::string unused = wanted ? "" : "; the configuration computes on the CPU";
     const std::string version = driver_version(facts.machine);
@@ -42,7 +43,8 @@ Findings check_gpu(const Facts& facts) {
                      "install nvidia-driver and restart the machine"}};
         if (wanted)
             return {{Severity::kError, "GPU driver",
-                     "the configuration selects cuda, but there is no NVIDIA card",
+                     fmt::format("the configuration selects {}, but there is no NVIDIA card",
+                                 kernels::name_of(device)),
                      "set device = \"cpu\" in [pipeline]"}};
         return {{Severity::kOk, "GPU driver", "no NVIDIA card; none is configured"}};
     }
@@ -53,6 +55,12 @@ Findings check_gpu(const Facts& facts) {
                      fmt::format("NVIDIA's driver {} is loaded, but /{} is missing{}", version, node, unused),
                      "nvidia-modprobe -c0 -u",
                      {{Fix::Kind::kCommand, "nvidia-modprobe -c0 -u"}}}};
+    const auto gpus = static_cast<int>(facts.machine.names("proc/driver/nvidia/gpus").size());
+    if (wanted && gpus > 0 && device.index() >= gpus)
+        return {{Severity::kError, "GPU driver",
+                 fmt::format("the configuration selects {}, but NVIDIA's driver {} finds {} GPU{}",
+                             kernels::name_of(device), version, gpus, gpus == 1 ? "" : "s"),
+                 "set a device that `kinevox devices` lists in [pipeline]"}};
     return {{Severity::kOk, "GPU driver", fmt::format("NVIDIA's driver {}{}", version, unused)}};
 }
 
