@@ -4,6 +4,7 @@ import datetime
 import json
 import os
 import pathlib
+import re
 import shutil
 import signal
 import subprocess
@@ -42,14 +43,19 @@ def commit_of(root):
     return process.stdout.strip() or "unknown"
 
 
-def query_gpu(fields):
-    """Values that nvidia-smi reports for the first GPU; None without one."""
+def is_gpu(device):
+    """Whether this names a GPU: cuda, which is the first one, or cuda:N."""
+    return re.fullmatch(r"cuda(:(0|[1-9][0-9]{0,2}))?", device) is not None
+
+
+def query_gpus(fields):
+    """Values that nvidia-smi reports, a list per GPU in the order of their PCI addresses."""
     if not shutil.which("nvidia-smi"):
-        return None
+        return []
     command = ["nvidia-smi", f"--query-gpu={','.join(fields)}", "--format=csv,noheader"]
     process = subprocess.run(command, capture_output=True, text=True, check=False)
-    lines = process.stdout.splitlines()
-    return [cell.strip() for cell in lines[0].split(",")] if process.returncode == 0 and lines else None
+    lines = process.stdout.splitlines() if process.returncode == 0 else []
+    return [[cell.strip() for cell in line.split(",")] for line in lines]
 
 
 def cpu_name():
@@ -66,11 +72,17 @@ class StepError(Exception):
 class Proof:
     """Executes the steps in order and keeps their results in `out`."""
 
-    def __init__(self, root, out, emulate, quick, programs, only):
-        facts = query_gpu(["name", "compute_cap"])
+    def __init__(self, root, out, emulate, quick, programs, only, device="cuda:0"):
+        """Raises StepError if there are GPUs, but not this one."""
+        gpus = query_gpus(["name", "compute_cap", "pci.bus_id"])
         self.root, self.out, self.quick, self.programs = root, out.resolve(), quick, programs
-        self.emulated = emulate or facts is None
-        self.card = "emulator" if self.emulated else facts[0]
+        self.emulated = emulate or not gpus
+        self.gpu = int(device.partition(":")[2] or 0)
+        self.device = f"cuda:{self.gpu}"
+        if not self.emulated and self.gpu >= len(gpus):
+            raise StepError(f"there is no {self.device}; nvidia-smi lists {len(gpus)} GPUs, from cuda:0 on")
+        facts = ["emulator", "9.0", None] if self.emulated else gpus[self.gpu]
+        self.card, self.bus_id = facts[0], facts[2]
         self.architecture = None if self.emulated else facts[1].replace(".", "")
         self.build = root / "build/gpu-proof"
         self.begin = time.monotonic()
@@ -137,10 +149,11 @@ class Proof:
         arguments = [str(argument) for argument in arguments]
         left_s = max(1.0, self.deadline - time.monotonic())
         name = pathlib.Path(arguments[0]).name
+        shown = " ".join([*(f"{key}={value}" for key, value in environment.items()), *arguments])
         timeout_s = min(left_s, limit_s or left_s)
         with subprocess.Popen(
             arguments,
-            env={**os.environ, **environment},
+            env={**os.environ, "CUDA_DEVICE_ORDER": "PCI_BUS_ID", **environment},  # nvidia-smi's indices
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -152,9 +165,9 @@ class Proof:
             except subprocess.TimeoutExpired as error:
                 os.killpg(process.pid, signal.SIGKILL)
                 output, _ = process.communicate()
-                self.log.write(f"$ {' '.join(arguments)}\n{output}\n(time limit)\n")
+                self.log.write(f"$ {shown}\n{output}\n(time limit)\n")
                 raise StepError(f"{name} took longer than {timeout_s:.0f} s") from error
-        self.log.write(f"$ {' '.join(arguments)}\n{output}\n(status {process.returncode})\n")
+        self.log.write(f"$ {shown}\n{output}\n(status {process.returncode})\n")
         self.log.flush()
         if check and process.returncode != 0:
             last = output.strip().splitlines()[-1:] or ["no output"]
@@ -181,6 +194,7 @@ class Proof:
         result["date"] = datetime.date.today().isoformat()
         result["commit"] = commit_of(self.root)
         result["card"] = self.card
+        result["device"] = self.device + (f" ({self.bus_id})" if self.bus_id else "")
         result["cpu"] = f"{os.cpu_count()} CPU cores ({cpu_name()})"
         arguments = ["cmake", "-S", self.root / "kernels", "-B", self.build, "-DCMAKE_BUILD_TYPE=Release"]
         arguments += ["-G", "Ninja"] if shutil.which("ninja") else []
@@ -205,9 +219,9 @@ class Proof:
         """The card, and the rates of its memory, bus and driver."""
         if not self.emulated:
             fields = ["driver_version", "memory.total", "clocks.max.sm", "clocks.max.memory", "pcie.link.gen.max"]
-            result["facts"] = list(zip(fields, query_gpu(fields)))
+            result["facts"] = list(zip(fields, query_gpus(fields)[self.gpu]))
         result["rates"] = parsers.tab_rows(
-            self.command([self.program("card_rates"), *(["1", "3"] if self.emulated else [])])
+            self.command([self.program("card_rates"), *(["1", "3"] if self.emulated else ["256", "500"]), self.gpu])
         )
 
     def step_tests(self, result):
@@ -215,7 +229,7 @@ class Proof:
         arguments = [self.program("kernels_test"), "--gtest_brief=1"]
         if self.emulated:
             arguments += ["--gtest_filter=CudaMoments*"]
-        output = self.command(arguments, check=False, KINEVOX_REQUIRE_GPU="1")
+        output = self.command(arguments, check=False, KINEVOX_REQUIRE_GPU="1", KINEVOX_TEST_DEVICE=self.device)
         result.update(parsers.test_counts(output))
         result["measures"] = {"tests failed": result["failed"]}
 
@@ -228,7 +242,7 @@ class Proof:
         expected = parsers.results(self.command([emulator, *small], check=False))
         rows = []
         for size in sizes:
-            for row in parsers.results(self.command([self.program("cuda_results"), *size], check=False)):
+            for row in parsers.results(self.command([self.program("cuda_results"), *size, self.device], check=False)):
                 row["size"] = " x ".join(size[:2]) + f", {size[2]} mm"
                 if size == small:
                     row["emulator"] = next(e["cuda_hash"] for e in expected if e["stage"] == row["stage"])
@@ -272,7 +286,10 @@ class Proof:
                     f"--benchmark_min_time={seconds}",
                 ]
                 try:
-                    self.command([*arguments, f"--benchmark_out={target}"], KINEVOX_BENCH_DEVICE=device)
+                    self.command(
+                        [*arguments, f"--benchmark_out={target}"],
+                        KINEVOX_BENCH_DEVICE=self.device if device == "cuda" else device,
+                    )
                     times[device] = parsers.benchmarks(target.read_text())
                 except StepError as error:
                     problems.append(f"{family} on {device}: {error}")
@@ -290,7 +307,7 @@ class Proof:
         """compute-sanitizer's tools on a small run of all stages, at the same time."""
         if not shutil.which("compute-sanitizer"):
             raise StepError("compute-sanitizer is not installed")
-        program = [self.program("cuda_results"), "96", "72", "40", "2"]
+        program = [self.program("cuda_results"), "96", "72", "40", "2", self.device]
 
         def findings(tool):
             arguments = ["compute-sanitizer", "--tool", tool, "--print-limit", "10", *program]
@@ -306,5 +323,5 @@ class Proof:
             raise StepError("ncu is not installed")
         frames = 3
         arguments = ["ncu", "--clock-control", "none", "--csv", "--page", "raw", "--print-units", "base"]
-        arguments += ["--metrics", ",".join(NCU_METRICS), self.program("frame_set"), *FRAME_SET, frames]
+        arguments += ["--metrics", ",".join(NCU_METRICS), self.program("frame_set"), *FRAME_SET, frames, self.device]
         result["rows"] = parsers.kernels(self.command(arguments), NCU_METRICS, frames)[:10]

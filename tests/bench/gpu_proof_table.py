@@ -71,7 +71,7 @@ def make(folder, goals_file):
     measures = {key: value for step in steps.values() for key, value in step.get("measures", {}).items()}
     facts, build = steps.get("facts", {}), steps.get("build", {})
     text = f"# {build['card']}\n\n"
-    text += f"`deploy/gpu-proof`, {build['date']}, commit {build['commit']}, beside {build['cpu']}.\n\n"
+    text += f"`deploy/gpu-proof` on {build['device']}, {build['date']}, commit {build['commit']}, beside {build['cpu']}.\n\n"
     if build["card"] == "emulator":
         text += "Executed on the CPU at small sizes: the times say nothing about a GPU.\n\n"
     text += goals_table(goals, measures) + "\n"

@@ -58,7 +58,8 @@ double graph_seconds(cudaStream_t stream, int repetitions) {
 
 }  // namespace
 
-Rates measure(std::size_t bytes, int repetitions) {
+Rates measure(int gpu, std::size_t bytes, int repetitions) {
+    check(cudaSetDevice(gpu));
     cudaStream_t stream;
     void *device = nullptr, *other = nullptr, *pinned = nullptr;
     check(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking));

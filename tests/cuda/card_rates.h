@@ -14,6 +14,7 @@ struct Rates {
     double graph_us = 0;                                // a graph of ten kernels and the wait for it
 };
 
-Rates measure(std::size_t bytes, int repetitions);
+// `gpu`: CUDA's index.
+Rates measure(int gpu, std::size_t bytes, int repetitions);
 
 }  // namespace card_rates

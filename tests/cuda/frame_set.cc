@@ -1,5 +1,5 @@
 // Frame sets of the walking person, one after the other, for profilers; on the emulator also the calls of
-// CUDA's runtime. usage: frame_set CAMERAS WIDTH HEIGHT VOXEL_MM FRAMES [cpu] Prints FRAME SEGMENTATION_MS
+// CUDA's runtime. usage: frame_set CAMERAS WIDTH HEIGHT VOXEL_MM FRAMES [DEVICE] Prints FRAME SEGMENTATION_MS
 // HULL_MS COLOURING_MS; emulated: FRAME LAUNCHES COPIES WAITS UPLOADED_BYTES DOWNLOADED_BYTES.
 #include <cstdio>
 #include <cstdlib>
@@ -14,8 +14,10 @@
 using namespace kinevox::kernels;
 
 int main(int argc, char** argv) {
-    if (argc < 6) {
-        std::fprintf(stderr, "usage: frame_set CAMERAS WIDTH HEIGHT VOXEL_MM FRAMES [cpu]\n");
+    const auto device = device_of_name(argc > 6 ? argv[6] : "cuda");
+    if (argc < 6 || !device) {
+        std::fprintf(stderr,
+                     "usage: frame_set CAMERAS WIDTH HEIGHT VOXEL_MM FRAMES [DEVICE]     default: cuda\n");
         return 2;
     }
     bench::FrameSetSize size;
@@ -24,7 +26,7 @@ int main(int argc, char** argv) {
     size.height = std::atoi(argv[3]);
     size.voxel_m = 1e-3f * static_cast<float>(std::atof(argv[4]));
     try {
-        bench::FrameSetRig rig(argc > 6 ? Device::kCpu : Device::kCuda, size);
+        bench::FrameSetRig rig(*device, size);
         for (int frame = 0; frame < std::atoi(argv[5]); ++frame) {
 #ifdef KINEVOX_EMULATED
             cuda_emulator::take_calls();

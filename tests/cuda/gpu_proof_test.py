@@ -61,6 +61,19 @@ class Parsers(unittest.TestCase):
         self.assertEqual((rows[0]["launches"], rows[0]["us"], rows[0]["occupancy"]), (1, 3.0, 70.0))
 
 
+class DeviceNames(unittest.TestCase):
+    def test_only_gpus_are_accepted(self):
+        for name in ("cuda", "cuda:0", "cuda:12"):
+            self.assertTrue(gpu_proof_steps.is_gpu(name), name)
+        for name in ("", "cpu", "1", "cuda:", "cuda:-1", "cuda:01", "cuda:1000"):
+            self.assertFalse(gpu_proof_steps.is_gpu(name), name)
+        process = subprocess.run(
+            [ROOT / "deploy/gpu-proof", "--device", "gpu1"], capture_output=True, text=True, check=False
+        )
+        self.assertEqual(process.returncode, 2)
+        self.assertIn("--device is 'gpu1'; use cuda or cuda:N", process.stderr)
+
+
 class WholeProof(unittest.TestCase):
     def test_every_step_passes_on_the_emulator_from_an_unpacked_pack(self):
         with tempfile.TemporaryDirectory() as folder:
@@ -71,6 +84,8 @@ class WholeProof(unittest.TestCase):
             command = [
                 folder / "gpu-proof/deploy/gpu-proof",
                 "--emulate",
+                "--device",
+                "cuda:1",
                 "--programs",
                 PROGRAMS,
                 "--out",
@@ -79,6 +94,9 @@ class WholeProof(unittest.TestCase):
             process = subprocess.run(command, capture_output=True, text=True, check=False)
             self.assertEqual(process.returncode, 0, process.stdout + process.stderr)
             table = (folder / "out/emulator.md").read_text()
+            self.assertIn("`deploy/gpu-proof` on cuda:1,", table)
+            for step in ("tests", "exact", "stages"):
+                self.assertIn("cuda:1", (folder / f"out/{step}.log").read_text(), step)
             for part in (
                 "| kernel tests that fail | 0 | - | 0 | PASS |",
                 "## CPU against CUDA",
