@@ -96,6 +96,7 @@ EncodedMessage encode(const PublishedPose& published) {
         for (const PublishedPose::Subject& one : published.subjects) {
             v1::SubjectPose* subject = message.add_subjects();
             subject->set_subject_id(one.subject_id);
+            subject->set_name(one.name);
             if (one.pose) *subject->mutable_pose() = to_proto(*one.pose);
         }
         return message.SerializeAsString();

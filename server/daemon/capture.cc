@@ -96,8 +96,16 @@ absl::Status Capture::open(const MakeGpu& make_gpu) {
                                if (body_fit) body_fit->capture_ended();
                            }});
     replay = std::make_unique<Replay>(
-        *runner, make_replay_pipeline(options, *runner, poses ? &*poses : nullptr),
-        [this](EventKind kind, std::string message) { hub.events().publish(kind, std::move(message)); });
+        *runner,
+        [this, make = make_replay_pipeline(options, *runner, poses ? &*poses : nullptr)](
+            const std::vector<Camera>& cameras, double fps) {
+            replayed_names.close();  // before the first result of another recording
+            return make(cameras, fps);
+        },
+        [this](EventKind kind, std::string message) {
+            if (kind == EventKind::kReplayOpened) replayed_names.open(replay->status().session_file);
+            hub.events().publish(kind, std::move(message));
+        });
     procedure = make_calibration_procedure(*calibrations, hub, procedure_watch);
     return absl::OkStatus();
 }
@@ -121,7 +129,10 @@ void Capture::restore_calibration() {
 // On the posing thread.
 void Capture::observe(const FrameResult& result) {
     statistics.observe(result.times);
-    if (result.frame_set.recorded_frame) return;  // a replay shows nothing about the cameras and the subject
+    if (result.frame_set.recorded_frame) {  // a replay shows nothing about the cameras and the subject
+        if (const auto control = runner->subject_control()) replayed_names.observe(result, *control);
+        return;
+    }
     camera_watch->observe(result);
     const BodyOf body_of = [this](std::uint32_t subject_id) { return this->body_of(subject_id); };
     quality.observe(result, body_of);

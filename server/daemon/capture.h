@@ -15,6 +15,7 @@
 #include "server/calibration/procedure/procedure.h"
 #include "server/config/daemon_config.h"
 #include "server/daemon/kinevoxd.h"
+#include "server/daemon/replayed_names.h"
 #include "server/daemon/stored_background.h"
 #include "server/metrics/capture_metrics.h"
 #include "server/pipeline/capture_statistics.h"
@@ -57,6 +58,7 @@ struct Capture {
     std::unique_ptr<CalibrationStore> calibrations;
     std::unique_ptr<ActiveCalibration> active_calibration;
     std::unique_ptr<Recorder> recorder;
+    ReplayedNames replayed_names;
     std::unique_ptr<Replay> replay;
     ProcedureWatch procedure_watch;
     std::unique_ptr<CalibrationProcedure> procedure;

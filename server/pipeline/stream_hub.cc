@@ -93,7 +93,7 @@ void StreamHub::publish(const FrameResultPtr& result, std::int64_t utc_minus_cap
         const auto published = std::make_shared<PublishedPose>();
         published->header = images->header();
         for (const SubjectResult& subject : result->subjects)
-            published->subjects.push_back({subject.track.subject_id, subject.pose});
+            published->subjects.push_back({subject.track.subject_id, subject.pose, subject.track.name});
         const std::size_t bytes =
             sizeof(PublishedPose) + std::max<std::size_t>(1, published->subjects.size()) *
                                         (sizeof(PublishedPose::Subject) + sizeof(BodyPose));

@@ -101,6 +101,7 @@ struct PublishedPose {
     struct Subject {
         std::uint32_t subject_id = 0;
         std::shared_ptr<const BodyPose> pose;  // null if there is none
+        std::string name;                      // empty: none
     };
     PublishedHeader header;
     std::vector<Subject> subjects;

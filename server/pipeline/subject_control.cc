@@ -80,6 +80,7 @@ absl::Status SubjectControl::set_name(std::uint32_t id, const std::string& name)
             fmt::format("the name has {} bytes; at most {} without control characters are allowed",
                         name.size(), kMaxNameBytes));
     if (name.empty()) {
+        decided_.insert(id);
         names_.erase(id);
         return absl::OkStatus();
     }
@@ -87,8 +88,15 @@ absl::Status SubjectControl::set_name(std::uint32_t id, const std::string& name)
         if (other != id && taken == name)
             return absl::InvalidArgumentError(
                 fmt::format("subject {} has the name '{}' already; choose another one", other, name));
+    decided_.insert(id);
     names_[id] = name;
     return absl::OkStatus();
+}
+
+void SubjectControl::suggest_name(std::uint32_t id, const std::string& name) {
+    const std::lock_guard lock(mutex_);
+    if (!check_known({id}).ok() || !decided_.insert(id).second) return;
+    names_[id] = name;
 }
 
 SubjectRequests SubjectControl::requests() const {
@@ -109,6 +117,7 @@ void SubjectControl::publish(std::vector<KnownSubject> known) {
         return std::ranges::find(known_, id, &KnownSubject::id) == known_.end();
     };
     std::erase_if(names_, [&](const auto& each) { return gone(each.first); });
+    std::erase_if(decided_, gone);
     std::erase_if(requests_.ignored, gone);
     // While one of them is remembered, no other is followed: they may return.
     std::erase_if(requests_.only, gone);
@@ -119,6 +128,7 @@ void SubjectControl::forget() {
     known_.clear();
     requests_ = {};
     names_.clear();
+    decided_.clear();
 }
 
 }  // namespace kinevox

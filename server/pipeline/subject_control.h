@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <map>
 #include <mutex>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -45,6 +46,10 @@ class SubjectControl {
     // that another one has.
     absl::Status set_name(std::uint32_t id, const std::string& name);
 
+    // The name of a recorded subject, who may be this one; only once, and not against an operator's choice.
+    // Others may have it, too.
+    void suggest_name(std::uint32_t id, const std::string& name);
+
     // For the pipeline.
     SubjectRequests requests() const;
     std::string name_of(std::uint32_t id) const;
@@ -60,6 +65,7 @@ class SubjectControl {
     std::vector<KnownSubject> known_;
     SubjectRequests requests_;
     std::map<std::uint32_t, std::string> names_;
+    std::set<std::uint32_t> decided_;  // named, suggested or without a name on request
 };
 
 }  // namespace kinevox

@@ -93,6 +93,7 @@ struct Measurements {
     int followed_subjects = 1;          // each with a pose of its own
     bool subjects_selected = false;     // by rules that exclude others
     std::uint32_t subject_id = 0;       // whose body and pose follow; 0: the only one's
+    std::string subject_name;           // empty: none
     RigMeasurements rig;
     WorldMeasurements world;
     BodyMeasurements body;

@@ -69,6 +69,7 @@ Json json_of(const Measurements& seen) {
                 {"subject_tilt_deg", number(seen.world.subject_tilt_deg)},
                 {"lowest_m", number(seen.world.lowest_m)}};
     if (seen.followed_subjects > 1) out["subject"] = seen.subject_id;
+    if (!seen.subject_name.empty()) out["subject_name"] = seen.subject_name;
     Json hypotheses = Json::object();
     const auto add = [&](const char* kind, const std::optional<RigHypothesis>& one) {
         if (!one) return;
@@ -97,6 +98,12 @@ bool is_about_subject(const Cause& cause) {
     static constexpr std::array<std::string_view, 4> kCauses{"scale", "wrong_body", "silhouettes",
                                                              "withheld"};
     return std::ranges::find(kCauses, cause.cause) != kCauses.end();
+}
+
+// "2" or "2 (Anna)".
+std::string subject_text(const Measurements& seen) {
+    return seen.subject_name.empty() ? fmt::to_string(seen.subject_id)
+                                     : fmt::format("{} ({})", seen.subject_id, seen.subject_name);
 }
 
 std::string short_number(const char* name, const std::optional<double>& value, int digits, double scale = 1,
@@ -135,7 +142,7 @@ QualityReport judge_worst(std::span<const Measurements> subjects) {
     if (worst->measurements.followed_subjects > 1)
         for (Cause& cause : worst->causes)
             if (is_about_subject(cause))
-                cause.reason = fmt::format("subject {}: {}", worst->measurements.subject_id, cause.reason);
+                cause.reason = fmt::format("subject {}: {}", subject_text(worst->measurements), cause.reason);
     return *std::move(worst);
 }
 
@@ -158,7 +165,7 @@ std::string quality_text(const QualityReport& report) {
     out += short_number("stated std", seen.pose.joint_std_m, 0, 1000, " mm");
     out += fmt::format(", withheld {:.1f} %", 100 * seen.pose.withheld_fraction);
     if (seen.followed_subjects > 1)
-        out += fmt::format(" (subject {}, the worst of {})", seen.subject_id, seen.followed_subjects);
+        out += fmt::format(" (subject {}, the worst of {})", subject_text(seen), seen.followed_subjects);
     out += '\n';
     if (report.causes.empty()) return out;
     const Cause& cause = report.causes.front();

@@ -141,6 +141,11 @@ std::string parameter_section(const Trial& trial, std::uint16_t data_block) {
                std::array{static_cast<std::uint16_t>(frames), static_cast<std::uint16_t>(frames >> 16)},
                "last frame");
     p.number("CAMERA_RATE", trial.rate_hz, "frames per second");
+    if (!trial.subject_name.empty()) {
+        p.group("SUBJECTS", "who the points belong to");
+        p.integer("USED", 1, "subjects");
+        p.texts("NAMES", std::span(&trial.subject_name, 1), "UTF-8");
+    }
     p.group("MANUFACTURER", "software");
     p.text("COMPANY", "Kinevox", "");
     p.text("SOFTWARE", "kinevox export", "");

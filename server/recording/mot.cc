@@ -63,7 +63,9 @@ absl::StatusOr<std::string> mot_file(const Trial& trial) {
     if (absl::Status complete = needs_coordinates_and_body(trial, "MOT"); !complete.ok()) return complete;
     const BodyModel model(*trial.body);
     const std::vector<EulerAngles> pelvis = pelvis_angles(trial);
-    std::string text = one_line(trial.name);
+    std::string text = trial.name;
+    if (!trial.subject_name.empty()) text += ", " + trial.subject_name;
+    text = one_line(std::move(text));
     std::erase(text, '=');  // OpenSim reads a line with '=' as key and value
     const auto put = [&text]<class... T>(fmt::format_string<T...> format, T&&... values) {
         fmt::format_to(std::back_inserter(text), format, std::forward<T>(values)...);

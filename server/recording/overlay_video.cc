@@ -51,7 +51,15 @@ struct Tile {
     cv::Mat image;           // the latest one read
 };
 
-void draw_skeleton(const Tile& tile, const std::array<Vec3, kJointNames.size()>& joints, cv::Mat& video) {
+// OpenCV's font has ASCII only.
+std::string label_of(const Trial& trial) {
+    const auto is_ascii = [](char c) { return c >= 0x20 && c < 0x7f; };
+    if (std::ranges::all_of(trial.subject_name, is_ascii)) return trial.subject_name;
+    return fmt::format("subject {}", trial.subject_id);
+}
+
+void draw_skeleton(const Tile& tile, const std::array<Vec3, kJointNames.size()>& joints,
+                   const std::string& label, cv::Mat& video) {
     cv::Mat canvas = video(tile.area);
     constexpr int kShift = 4;  // sixteenths of a pixel
     const double scale = static_cast<double>(tile.area.width) / tile.camera.width;
@@ -72,6 +80,10 @@ void draw_skeleton(const Tile& tile, const std::array<Vec3, kJointNames.size()>&
     }
     for (const auto& point : points)
         if (point) cv::circle(canvas, *point, thickness << kShift, {0, 0, 0}, -1, cv::LINE_AA, kShift);
+    const auto& head = points[*joint_index("head_top")];
+    if (label.empty() || !head) return;
+    const cv::Point at(head->x / (1 << kShift) + 4 * thickness, head->y / (1 << kShift));
+    cv::putText(canvas, label, at, cv::FONT_HERSHEY_SIMPLEX, 0.5, {255, 255, 255}, 1, cv::LINE_AA);
 }
 
 absl::StatusOr<std::vector<Tile>> open_tiles(const Session& session, const std::string& wanted) {
@@ -164,7 +176,7 @@ absl::Status write_overlay_video(const Session& session, std::span<const Trial> 
                 cv::Mat shown = canvas(tile.area);
                 shown.convertTo(shown, -1, (kSilhouetteGrey - kBackgroundGrey) / 255, kBackgroundGrey);
             }
-            for (const Trial& each : trials) draw_skeleton(tile, each.joints[shown], canvas);
+            for (const Trial& each : trials) draw_skeleton(tile, each.joints[shown], label_of(each), canvas);
             if (tiles->size() > 1)
                 cv::putText(canvas(tile.area), tile.camera.name, {6, 18}, cv::FONT_HERSHEY_SIMPLEX, 0.5,
                             {255, 255, 255}, 1, cv::LINE_AA);

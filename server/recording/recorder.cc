@@ -75,6 +75,7 @@ void LiveRecorder::observe(const FrameResult& result, const BodyOf& body_of) {
     for (const SubjectResult& subject : result.subjects) {
         ResultOfSet::Subject& one = taken.subjects.emplace_back();
         one.id = subject.track.subject_id;
+        one.name = subject.track.name;
         if (options_.save_poses) one.pose = subject.pose;
         if (options_.save_volumes) one.volume = subject.volume;
         if (const BodyShape* const body = options_.several_subjects ? body_of(one.id) : nullptr)

@@ -18,6 +18,7 @@
 #include "common/volume.h"
 #include "server/cameras/session_files.h"
 #include "server/recording/anonymous_export.h"
+#include "server/recording/subject_names.h"
 #include "server/recording/trial_formats.h"
 #include "server/recording/volume_file.h"
 
@@ -172,6 +173,15 @@ absl::StatusOr<ExportedFiles> write_volumes(const fs::path& file, const ExportOp
     return written;
 }
 
+// The names of the subjects next to their volumes; nothing without names.
+absl::Status add_names(const fs::path& tables, const fs::path& out, ExportedFiles& written) {
+    const auto names = read_subject_names(tables);
+    if (!names.ok()) return names.status();
+    if (names->empty()) return absl::OkStatus();
+    written.files.push_back(out / kSubjectNamesFile);
+    return write_file_atomically(written.files.back(), subject_names_csv(*names));
+}
+
 // The others are of one skeleton.
 bool shows_every_subject(ExportFormat format) {
     return format == ExportFormat::kMp4 || format == ExportFormat::kSession;
@@ -193,7 +203,7 @@ absl::StatusOr<MeasuredTrials> read_measured(const ExportSource& source, const E
     }
     for (Trial& trial : measured.trials) {
         if (source.session && source.session->recording) trial.name = source.session->name;
-        if (options.anonymous) trial.name = kAnonymous;
+        if (options.anonymous) trial.name = kAnonymous, trial.subject_name.clear();
     }
     return measured;
 }
@@ -222,7 +232,10 @@ absl::StatusOr<ExportedFiles> export_recording(const fs::path& from, const Expor
         if (!source->session || source->session->recording->volumes.empty())
             return absl::FailedPreconditionError(fmt::format(
                 "{}: contains no volumes; `kinevox process --save volumes` writes them", from.string()));
-        return write_volumes(source->session->recording->volumes, options, out, work);
+        auto written = write_volumes(source->session->recording->volumes, options, out, work);
+        if (!written.ok() || options.anonymous) return written;
+        if (absl::Status named = add_names(source->tables, out, *written); !named.ok()) return named;
+        return written;
     }
     const auto measured = read_measured(*source, options);
     if (!measured.ok()) return measured.status();
@@ -259,6 +272,46 @@ absl::StatusOr<ExportedFiles> export_recording(const fs::path& from, const Expor
                         1000 * trial->max_time_snap_s);
     if (absl::Status done = write_file_atomically(out, *bytes); !done.ok()) return done;
     return written;
+}
+
+absl::StatusOr<ExportedFiles> export_each_subject(const fs::path& from, const ExportOptions& options,
+                                                  const fs::path& out, const JobControl& work) {
+    const ExportFormatInfo* const format = find_export_format(options.format);
+    if (!format || format->many_files)
+        return absl::InvalidArgumentError(fmt::format("format {} contains all subjects; omit --each-subject",
+                                                      format ? format->name : "unknown"));
+    if (options.subject_id != 0)
+        return absl::InvalidArgumentError("all subjects are exported; omit --subject or --each-subject");
+    const auto source = find_source(from, options.format);
+    if (!source.ok()) return source.status();
+    const auto subjects = subjects_of_trial(source->tables);
+    if (!subjects.ok()) return subjects.status();
+    const auto names = read_subject_names(source->tables);
+    if (!names.ok()) return names.status();
+    if (subjects->ids.empty())
+        return absl::FailedPreconditionError(fmt::format(
+            "{}: no subject has a measured joint; there is nothing to export", source->tables.string()));
+    ExportedFiles all;
+    for (std::size_t n = 0; n < subjects->ids.size(); ++n) {
+        ExportOptions own = options;
+        own.subject_id = subjects->ids[n];
+        const std::string file = subject_file_name(
+            own.subject_id, options.anonymous ? std::string() : subject_name(*names, own.subject_id));
+        const double count = static_cast<double>(subjects->ids.size()), done = static_cast<double>(n);
+        const auto written = export_recording(from, own, out / fmt::format("{}.{}", file, format->name),
+                                              work.subrange(done / count, (done + 1) / count));
+        if (!written.ok())
+            return absl::Status(
+                written.status().code(),
+                fmt::format("subject {}: {}", own.subject_id, std::string(written.status().message())));
+        all.files.insert(all.files.end(), written->files.begin(), written->files.end());
+        all.frames = std::max(all.frames, written->frames);
+        all.rate_hz = written->rate_hz;
+        if (!written->warning.empty())
+            all.warning += fmt::format("{}subject {}: {}", all.warning.empty() ? "" : "; ", own.subject_id,
+                                       written->warning);
+    }
+    return all;
 }
 
 }  // namespace kinevox

@@ -78,4 +78,10 @@ absl::StatusOr<ExportedFiles> export_recording(const std::filesystem::path& from
                                                const ExportOptions& options, const std::filesystem::path& out,
                                                const JobControl& work);
 
+// As export_recording() for each subject of the trial, in the existing folder `out`: s2_NAME.c3d, or s2.c3d
+// without a name. Not for formats that contain all subjects in many files.
+absl::StatusOr<ExportedFiles> export_each_subject(const std::filesystem::path& from,
+                                                  const ExportOptions& options,
+                                                  const std::filesystem::path& out, const JobControl& work);
+
 }  // namespace kinevox

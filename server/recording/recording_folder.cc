@@ -19,6 +19,7 @@
 #include "common/recording_files.h"
 #include "server/recording/csv_tables.h"
 #include "server/recording/growing_files.h"
+#include "server/recording/subject_names.h"
 #include "server/recording/volume_file.h"
 
 namespace kinevox {
@@ -66,6 +67,7 @@ class SessionFolder final : public RecordingFolder {
     absl::Status append_rows(PoseRow row, const std::vector<RecordedSubject>& subjects);
     absl::Status append_volumes(std::uint64_t frame, const std::vector<RecordedSubject>& subjects);
     absl::Status write_body_of(const RecordedSubject& subject);
+    absl::Status write_names(const std::vector<RecordedSubject>& subjects);
     std::uint64_t growing_bytes() const;  // of the files below
     void measure_other_files();
     template <typename Use>
@@ -79,6 +81,7 @@ class SessionFolder final : public RecordingFolder {
     std::vector<AppendFile> tables_;  // as kPoseTableNames
     std::unique_ptr<VolumeFile> volumes_;
     std::map<std::uint32_t, std::shared_ptr<const BodyShape>> bodies_;  // by subject, as written
+    SubjectNames names_;                                                // as written
     std::vector<std::int64_t> row_times_ns_;                            // of the frames that have no row yet
     std::uint64_t first_row_ = 0;                                       // the first of them
     std::int64_t first_capture_ns_ = 0, last_time_ns_ = 0;
@@ -292,6 +295,19 @@ absl::Status SessionFolder::write_body_of(const RecordedSubject& subject) {
     return written;
 }
 
+// subjects.csv, with the latest names. Without a name there is no such file.
+absl::Status SessionFolder::write_names(const std::vector<RecordedSubject>& subjects) {
+    if (!plan_.save_poses) return absl::OkStatus();
+    SubjectNames names = names_;
+    for (const RecordedSubject& subject : subjects) set_subject_name(names, subject.id, subject.name);
+    if (names == names_) return absl::OkStatus();
+    names_ = std::move(names);
+    const absl::Status written =
+        write_file_atomically(folder_ / "poses" / kSubjectNamesFile, subject_names_csv(names_));
+    measure_other_files();
+    return written;
+}
+
 absl::Status SessionFolder::append_result(std::uint64_t frame, const RecordedResult& result) {
     if (frame < first_row_ || frame >= session_.recording->frame_sets) return absl::OkStatus();
     const auto index = static_cast<std::size_t>(frame - first_row_);
@@ -300,6 +316,7 @@ absl::Status SessionFolder::append_result(std::uint64_t frame, const RecordedRes
         const PoseRow row{.frame = first_row_ + i, .time_s = 1e-9 * static_cast<double>(row_times_ns_[i])};
         written = i == index ? append_rows(row, result.subjects) : append_row(row);
     }
+    if (written.ok()) written = write_names(result.subjects);
     if (written.ok() && volumes_) written = append_volumes(frame, result.subjects);
     row_times_ns_.erase(row_times_ns_.begin(),
                         row_times_ns_.begin() + static_cast<std::ptrdiff_t>(index) + 1);

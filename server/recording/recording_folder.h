@@ -39,6 +39,7 @@ struct RecordingPlan {
 // What the pipeline found of one subject in a recorded frame set.
 struct RecordedSubject {
     std::uint32_t id = 0;
+    std::string name;                       // at this time; empty: none
     std::shared_ptr<const BodyPose> pose;   // null: none
     std::shared_ptr<const BodyShape> body;  // of this subject among several; null: that of set_body()
     std::string volume;                     // encode_volume()'s; empty: none

@@ -67,8 +67,12 @@ void RecordingWriter::join_results() {
             (found->frame || options_.max_buffer_s > 0)) {
             found->has_result = true;
             for (ResultOfSet::Subject& subject : result.subjects) {
-                RecordedSubject& recorded = found->result.subjects.emplace_back(
-                    RecordedSubject{subject.id, std::move(subject.pose), std::move(subject.body), {}});
+                RecordedSubject& recorded =
+                    found->result.subjects.emplace_back(RecordedSubject{subject.id,
+                                                                        std::move(subject.name),
+                                                                        std::move(subject.pose),
+                                                                        std::move(subject.body),
+                                                                        {}});
                 if (subject.volume && options_.save_volumes) recorded.volume = encode_volume(*subject.volume);
                 found->bytes += recorded.volume.size();
                 entries_bytes_ += recorded.volume.size();

@@ -24,6 +24,7 @@ namespace kinevox {
 struct ResultOfSet {
     struct Subject {
         std::uint32_t id = 0;
+        std::string name;
         std::shared_ptr<const BodyPose> pose;
         std::shared_ptr<const Volume> volume;
         std::shared_ptr<const BodyShape> body;  // see RecordedSubject

@@ -15,6 +15,7 @@
 #include "common/geometry.h"
 #include "common/median.h"
 #include "server/recording/csv_tables.h"
+#include "server/recording/subject_names.h"
 
 namespace kinevox {
 namespace {
@@ -212,6 +213,19 @@ absl::Status take_joints(const CsvTable& table, Trial& trial) {
     return absl::OkStatus();
 }
 
+// Of the subject; of all rows, if all subjects in them have the same one.
+absl::StatusOr<std::string> read_subject_name(const fs::path& folder, const CsvTable& all,
+                                              std::uint32_t subject_id) {
+    const auto names = read_subject_names(folder);
+    if (!names.ok()) return names.status();
+    if (subject_id != 0) return subject_name(*names, subject_id);
+    std::set<std::uint32_t> ids;
+    for (std::size_t n = 0; n < all.rows() && !names->empty(); ++n)
+        if (const double id = all.at(n, kSubject); !std::isnan(id))
+            ids.insert(static_cast<std::uint32_t>(id));
+    return common_subject_name(*names, ids);
+}
+
 // A table with the same frames as joints.csv.
 absl::StatusOr<CsvTable> read_table(const fs::path& file, std::span<const std::string> columns,
                                     const Trial& trial, std::uint32_t subject_id) {
@@ -255,6 +269,9 @@ absl::StatusOr<Trial> read_trial(const fs::path& folder, double fps, std::uint32
     if (taken.ok()) taken = take_rate(*joints, fps, trial);
     if (taken.ok()) taken = take_joints(*joints, trial);
     if (!taken.ok()) return taken;
+    auto name = read_subject_name(folder, *rows, subject_id);
+    if (!name.ok()) return name.status();
+    trial.subject_name = *std::move(name);
 
     if (fs::exists(folder / "angles.csv", error)) {
         auto angles = read_table(folder / "angles.csv", angle_columns(), trial, subject_id);

@@ -22,6 +22,7 @@ namespace kinevox {
 struct Trial {
     std::string name;              // of the folder
     std::uint32_t subject_id = 0;  // 0: all rows are of the only one
+    std::string subject_name;      // empty: none
     std::filesystem::path folder;
     double rate_hz = 0;
     // Consecutive numbers at the rate. Equal to session_frames if no frame set was lost; lost ones count and
@@ -39,11 +40,11 @@ struct Trial {
     std::size_t size() const { return frames.size(); }
 };
 
-// Reads joints.csv and, if present, angles.csv, coordinates.csv and the body. `subject_id` 0: the rows of all
-// subjects, which must then be one at a time; FailedPrecondition names the ids if a frame has several. Other
-// columns, other frames than joints.csv or a cell that is no number are errors with file and line; so are
-// fewer than two frames and a trial without any measured joint. `fps`: the session's rate, 0 if not known;
-// used only if the times of an irregular source are ambiguous.
+// Reads joints.csv and, if present, angles.csv, coordinates.csv, the body and the subject's name.
+// `subject_id` 0: the rows of all subjects, which must then be one at a time; FailedPrecondition names the
+// ids if a frame has several. Other columns, other frames than joints.csv or a cell that is no number are
+// errors with file and line; so are fewer than two frames and a trial without any measured joint. `fps`: the
+// session's rate, 0 if not known; used only if the times of an irregular source are ambiguous.
 absl::StatusOr<Trial> read_trial(const std::filesystem::path& folder, double fps = 0,
                                  std::uint32_t subject_id = 0);
 

@@ -29,7 +29,8 @@ struct Arguments {
     double yaw_deg = 0;
     int width_px = 0;
     std::uint32_t subject_id = 0;
-    bool hold_withheld = false, anonymous = false, overwrite = false, json = false, quiet = false;
+    bool each_subject = false, hold_withheld = false, anonymous = false, overwrite = false, json = false,
+         quiet = false;
 };
 
 std::string format_help() {
@@ -53,6 +54,8 @@ void declare(CLI::App& app, Arguments& arguments) {
     app.add_option("--range", arguments.range, "Frames to export, FIRST-LAST (inclusive)");
     app.add_option("--subject", arguments.subject_id,
                    "Subject to export (id; default: the only one; ply, mp4: all)");
+    app.add_flag("--each-subject", arguments.each_subject,
+                 "Write a file per subject, named by id and name, into the folder --out");
     app.add_flag("--anonymous", arguments.anonymous,
                  "Remove images, colours, names and dates; show silhouettes instead");
     app.add_option("--yaw", arguments.yaw_deg,
@@ -68,23 +71,32 @@ void declare(CLI::App& app, Arguments& arguments) {
     app.add_flag("--quiet", arguments.quiet, "Print errors only");
 }
 
-// Written to a hidden folder next to it and renamed when complete.
-absl::StatusOr<kinevox::ExportedFiles> export_session(const fs::path& from,
-                                                      const kinevox::ExportOptions& options,
-                                                      const fs::path& out, const kinevox::JobControl& work) {
+// Written to a hidden folder next to `out` and moved when complete.
+absl::StatusOr<kinevox::ExportedFiles> export_folder(const fs::path& from,
+                                                     const kinevox::ExportOptions& options,
+                                                     const Arguments& arguments,
+                                                     const kinevox::JobControl& work) {
+    const fs::path& out = arguments.out;
     std::error_code error;
     const fs::path partial =
         fs::absolute(out, error).parent_path() / fmt::format(".{}.{}", out.filename().string(), getpid());
     fs::create_directories(partial, error);
-    if (error)
+    const auto failed = [&] {
         return absl::UnavailableError(
             fmt::format("{}: cannot be created: {}", out.string(), error.message()));
-    auto written = kinevox::export_recording(from, options, partial, work);
-    if (written.ok()) fs::remove_all(out, error);  // run() has checked --overwrite
-    if (written.ok()) fs::rename(partial, out, error);
-    if (error)
-        written =
-            absl::UnavailableError(fmt::format("{}: cannot be created: {}", out.string(), error.message()));
+    };
+    if (error) return failed();
+    auto written = arguments.each_subject ? kinevox::export_each_subject(from, options, partial, work)
+                                          : kinevox::export_recording(from, options, partial, work);
+    if (written.ok() && arguments.each_subject) {  // next to other files of the folder
+        fs::create_directories(out, error);
+        for (const fs::path& file : written->files)
+            if (!error) fs::rename(file, out / file.filename(), error);
+    } else if (written.ok()) {
+        fs::remove_all(out, error);  // run() has checked --overwrite
+        fs::rename(partial, out, error);
+    }
+    if (error) written = failed();
     fs::remove_all(partial, error);
     return written;
 }
@@ -94,8 +106,8 @@ absl::StatusOr<kinevox::ExportedFiles> export_files(const Arguments& arguments,
                                                     const std::atomic<bool>& stop) {
     kinevox::ProgressLine line(arguments.quiet || arguments.json);
     const kinevox::JobControl work{stop, [&line](double progress) { line.show(progress); }};
-    if (options.format == kinevox::ExportFormat::kSession)
-        return export_session(arguments.path, options, arguments.out, work);
+    if (arguments.each_subject || options.format == kinevox::ExportFormat::kSession)
+        return export_folder(arguments.path, options, arguments, work);
     return kinevox::export_recording(arguments.path, options, arguments.out, work);
 }
 

@@ -1,5 +1,7 @@
 #include "tests/support/posed_trial.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <memory>
 #include <vector>
@@ -41,6 +43,36 @@ absl::Status write_posed_trial(const std::filesystem::path& folder, bool gaps) {
         if (absl::Status written = write_file_atomically(folder / table.file_name, table.text); !written.ok())
             return written;
     return write_body_shape(model.shape(), folder / "body.toml");
+}
+
+absl::Status write_posed_people(const std::filesystem::path& folder, int count, const SubjectNames& names) {
+    std::vector<BodyModel> models;
+    for (int n = 0; n < count; ++n) models.emplace_back(default_body_shape(1.6 + 0.1 * n));
+    std::vector<PoseRow> rows;
+    for (int n = 0; n < kPosedTrialFrames; ++n) {
+        const PoseRow row{.frame = static_cast<std::uint64_t>(n), .time_s = n / kPosedTrialFps};
+        if (count == 0) rows.push_back(row);
+        for (int person = 0; person < count; ++person) {
+            BodyCoordinates q = posed_coordinates(n);
+            q[1] += 1.5 * person;
+            auto pose = std::make_shared<BodyPose>();
+            describe_posture(models[static_cast<std::size_t>(person)], posture_from_coordinates(q), *pose);
+            PoseRow& own = rows.emplace_back(row);
+            own.subject_id = static_cast<std::uint32_t>(person + 1);
+            own.pose = std::move(pose);
+        }
+    }
+    std::vector<Table> tables = pose_tables(rows);
+    if (!names.empty()) tables.push_back({std::string(kSubjectNamesFile), subject_names_csv(names)});
+    for (int n = 0; n < count; ++n) {
+        const std::string body = body_shape_toml(models[static_cast<std::size_t>(n)].shape());
+        tables.push_back({fmt::format("body_{}.toml", n + 1), body});
+        if (n == 0) tables.push_back({"body.toml", body});
+    }
+    for (const Table& table : tables)
+        if (absl::Status written = write_file_atomically(folder / table.file_name, table.text); !written.ok())
+            return written;
+    return absl::OkStatus();
 }
 
 }  // namespace kinevox::testing

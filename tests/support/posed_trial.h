@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "server/pose/body_model.h"
+#include "server/recording/subject_names.h"
 
 namespace kinevox::testing {
 
@@ -18,5 +19,9 @@ BodyCoordinates posed_coordinates(int frame);
 // joints.csv, angles.csv, coordinates.csv and body.toml. With `gaps`: nothing in frames 10 to 12, no right
 // hand in frame 20, which takes the wrist's coordinate with it.
 absl::Status write_posed_trial(const std::filesystem::path& folder, bool gaps);
+
+// The same of `count` people with the ids from 1 on, 1.5 m apart along y, each with a body of its own;
+// `names` are written as the recorder does.
+absl::Status write_posed_people(const std::filesystem::path& folder, int count, const SubjectNames& names);
 
 }  // namespace kinevox::testing

@@ -26,6 +26,7 @@
 #include "server/pose/body_fitter.h"
 #include "server/pose/pose_stage.h"
 #include "server/quality/faint_switch.h"
+#include "server/recording/subject_names.h"
 #include "server/tools/process/quality_pass.h"
 #include "server/tools/process/run_report.h"
 
@@ -124,6 +125,17 @@ std::vector<Table> certificate_tables(const std::filesystem::path& session_file)
     return tables;
 }
 
+// Those that a recording's subjects had while it was made. A damaged file of names spoils no results.
+RecordedNames names_of_session(const std::filesystem::path& session_file) {
+    const auto session = read_session(session_file);
+    if (!session.ok() || !session->recording || session->recording->poses.empty()) return {};
+    auto names = RecordedNames::read(session->recording->poses);
+    if (names.ok()) return *std::move(names);
+    fmt::print(stderr, "kinevox process: {}; the subjects have no names\n",
+               std::string(names.status().message()));
+    return {};
+}
+
 // Of the poses, and body_N.toml of each subject N with a pose, the first also as body.toml.
 std::vector<Table> tables_of(const std::vector<PoseRow>& rows, const PosePass& poses) {
     std::vector<Table> tables = pose_tables(rows);
@@ -178,8 +190,15 @@ class SessionRuns {
     ResultWriter& writer() { return *writer_; }
 
   private:
+    // What takes each result besides the writer.
+    struct Takers {
+        PosePass* poses;  // null: none
+        QualityPass& quality;
+        RecordedNames& names;
+        RunSummary& summary;
+    };
     absl::Status each_frame_set(const ProcessOptions& options, FrameSource& source, Pipeline& pipeline,
-                                PosePass* poses, QualityPass& quality, RunSummary& summary);
+                                const Takers& takers);
 
     const std::string& fingerprint_;
     const std::atomic<bool>& stop_;
@@ -187,8 +206,8 @@ class SessionRuns {
 };
 
 absl::Status SessionRuns::each_frame_set(const ProcessOptions& options, FrameSource& source,
-                                         Pipeline& pipeline, PosePass* poses, QualityPass& quality,
-                                         RunSummary& summary) {
+                                         Pipeline& pipeline, const Takers& takers) {
+    RunSummary& summary = takers.summary;
     std::int64_t total = source.frame_count();
     if (total > 0) total = (total + options.every - 1) / options.every;
     if (options.max_frames > 0 && (total < 0 || total > options.max_frames)) total = options.max_frames;
@@ -206,8 +225,11 @@ absl::Status SessionRuns::each_frame_set(const ProcessOptions& options, FrameSou
         auto result = pipeline.process(std::move(*frame_set));
         if (!result.ok()) return result.status();
         summary.add(**result);
-        if (poses) poses->add(**result, pipeline);
-        quality.add(**result);
+        if (takers.poses) takers.poses->add(**result, pipeline);
+        takers.quality.add(**result);
+        for (const SubjectResult& subject : (*result)->subjects)
+            takers.names.add(static_cast<std::int64_t>((*result)->sequence), subject.track.subject_id,
+                             subject.track.centre_in_world);
         if (absl::Status added = writer_->add(std::move(*result)); !added.ok()) return added;
         bar.show(summary.frames());
     }
@@ -241,19 +263,23 @@ absl::StatusOr<Run> SessionRuns::run(const ProcessOptions& options) {
         poses.emplace((*source)->cameras(), run.fps, options.pipeline, options.poses);
     QualityPass quality(options.session_file, (*source)->cameras(), *background,
                         options.pipeline.segmentation.judge_faint);
+    RecordedNames recorded_names = names_of_session(options.session_file);
     const Stopwatch running;
-    if (absl::Status done =
-            each_frame_set(options, **source, **pipeline, poses ? &*poses : nullptr, quality, run.summary);
+    if (absl::Status done = each_frame_set(options, **source, **pipeline,
+                                           {poses ? &*poses : nullptr, quality, recorded_names, run.summary});
         !done.ok())
         return done;
     run.wall_s = running.seconds();
     writer_->add_table({"calibration.toml", calibration_toml((*source)->cameras())});
     for (Table& table : certificate_tables(options.session_file)) writer_->add_table(std::move(table));
     const std::vector<PoseRow> rows = poses ? poses->finish(**pipeline) : std::vector<PoseRow>{};
+    const SubjectNames names = recorded_names.names();
     if (poses)
         for (Table& table : tables_of(rows, *poses)) writer_->add_table(std::move(table));
+    if (poses && !names.empty())
+        writer_->add_table({std::string(kSubjectNamesFile), subject_names_csv(names)});
     run.poses = summarize(rows);
-    run.quality = quality.finish(poses ? &*poses : nullptr, rows);
+    run.quality = quality.finish(poses ? &*poses : nullptr, rows, names);
     writer_->add_table({"quality.json", quality::quality_json(run.quality)});
     writer_->add_table(
         {"run.toml", run_toml(options, fingerprint_, run.fps, run.summary.frames())});  // the last

@@ -1,9 +1,24 @@
 #include "server/tools/process/quality_pass.h"
 
+#include <set>
+
 #include "common/session_file.h"
 #include "server/quality/camera_time.h"
 
 namespace kinevox {
+namespace {
+
+// Id 0: the name that all subjects of the rows have.
+std::string name_of_rows(const SubjectNames& names, std::uint32_t id, const std::vector<PoseRow>& rows) {
+    if (names.empty()) return {};
+    if (id != 0) return subject_name(names, id);
+    std::set<std::uint32_t> ids;
+    for (const PoseRow& row : rows)
+        if (row.subject_id != 0) ids.insert(row.subject_id);
+    return common_subject_name(names, ids);
+}
+
+}  // namespace
 
 std::vector<quality::Measurements> QualityPass::measure(const PosePass* poses,
                                                         const std::vector<PoseRow>& rows) const {
@@ -31,8 +46,11 @@ std::vector<quality::Measurements> QualityPass::measure(const PosePass* poses,
     return all;
 }
 
-quality::QualityReport QualityPass::finish(const PosePass* poses, const std::vector<PoseRow>& rows) const {
-    return quality::judge_worst(measure(poses, rows));
+quality::QualityReport QualityPass::finish(const PosePass* poses, const std::vector<PoseRow>& rows,
+                                           const SubjectNames& names) const {
+    std::vector<quality::Measurements> all = measure(poses, rows);
+    for (quality::Measurements& seen : all) seen.subject_name = name_of_rows(names, seen.subject_id, rows);
+    return quality::judge_worst(all);
 }
 
 }  // namespace kinevox

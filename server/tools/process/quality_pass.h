@@ -7,6 +7,7 @@
 #include "server/pipeline/frame_result.h"
 #include "server/quality/observer.h"
 #include "server/quality/verdict.h"
+#include "server/recording/subject_names.h"
 #include "server/tools/process/pose_pass.h"
 
 namespace kinevox {
@@ -24,7 +25,8 @@ class QualityPass {
     std::vector<quality::Measurements> measure(const PosePass* poses, const std::vector<PoseRow>& rows) const;
     // `poses` and its `rows` after finish(); null without poses. May read the session's videos again, to find
     // a cause.
-    quality::QualityReport finish(const PosePass* poses, const std::vector<PoseRow>& rows) const;
+    quality::QualityReport finish(const PosePass* poses, const std::vector<PoseRow>& rows,
+                                  const SubjectNames& names = {}) const;
 
   private:
     std::filesystem::path session_file_;

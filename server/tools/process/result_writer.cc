@@ -23,6 +23,7 @@
 #include "common/files.h"
 #include "common/volume.h"
 #include "server/cameras/image_mat.h"
+#include "server/recording/subject_names.h"
 
 namespace kinevox {
 namespace {
@@ -261,7 +262,7 @@ absl::Status FolderWriter::finish(int version) {
     // Results of an earlier run go even if this run has none of their kind; its run.toml first, since what is
     // half replaced is not complete.
     std::error_code error;
-    std::vector<fs::path> old{folder_ / "run.toml"};
+    std::vector<fs::path> old{folder_ / "run.toml", folder_ / kSubjectNamesFile};
     for (const char* name : {"silhouettes", "volumes", "hulls", "joints.csv", "angles.csv", "coordinates.csv",
                              "uncertainty.csv", "withheld.csv", "body.toml"})
         old.push_back(folder_ / name);

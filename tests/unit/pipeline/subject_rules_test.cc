@@ -143,5 +143,26 @@ TEST(SubjectControl, KeepsNamesOfThoseWhoMayReturn) {
     EXPECT_EQ(control.name_of(2), "") << "forgotten with the subject";
 }
 
+TEST(SubjectControl, TakesSuggestedNameOnlyOnce) {
+    SubjectControl control(2);
+    control.suggest_name(1, "Anna");
+    EXPECT_EQ(control.name_of(1), "") << "not there yet";
+    control.publish(known({1, 2, 3}));
+    EXPECT_TRUE(control.set_name(3, "").ok());
+    for (const std::uint32_t id : {1, 2, 3}) control.suggest_name(id, "Anna");
+    EXPECT_EQ(control.name_of(1), "Anna");
+    EXPECT_EQ(control.name_of(2), "Anna") << "two recorded subjects may be one person";
+    EXPECT_EQ(control.name_of(3), "") << "without a name on request";
+    EXPECT_TRUE(control.set_name(2, "Ben").ok());
+    EXPECT_TRUE(control.set_name(1, "").ok());
+    for (const std::uint32_t id : {1, 2}) control.suggest_name(id, "Cleo");
+    EXPECT_EQ(control.name_of(1), "");
+    EXPECT_EQ(control.name_of(2), "Ben");
+    control.forget();
+    control.publish(known({1}));
+    control.suggest_name(1, "Cleo");
+    EXPECT_EQ(control.name_of(1), "Cleo");
+}
+
 }  // namespace
 }  // namespace kinevox

@@ -73,6 +73,11 @@ TEST(Verdict, IsThatOfTheWorstSubject) {
     ASSERT_EQ(report.causes.size(), 1u);
     EXPECT_EQ(report.causes.front().cause, "withheld");
     EXPECT_EQ(report.causes.front().reason, "subject 1: 40 % of the joints are withheld");
+    EXPECT_EQ(quality_json(report).find("subject_name"), std::string::npos);
+    two[0].subject_name = "Jörg";
+    report = judge_worst(two);
+    EXPECT_EQ(report.causes.front().reason, "subject 1 (Jörg): 40 % of the joints are withheld");
+    EXPECT_NE(quality_json(report).find("\"subject_name\": \"Jörg\""), std::string::npos);
     for (Measurements& each : two) each.cameras[2].mean_level = 7, each.cameras[2].dark_fraction = 0.9;
     EXPECT_EQ(judge_worst(two).causes.front().reason.find("subject"), std::string::npos)
         << "an image is not one subject's";

@@ -19,6 +19,7 @@
 #include "server/cameras/session_files.h"
 #include "server/cameras/session_source.h"
 #include "server/recording/recording_export.h"
+#include "server/recording/subject_names.h"
 #include "tests/support/fake_capture.h"
 #include "tests/support/person_volume.h"
 #include "tests/support/small_session.h"
@@ -383,6 +384,49 @@ TEST_F(RecorderTest, RecordsEverySubject) {
     EXPECT_TRUE(absl::IsOutOfRange(
         export_recording(recording, {.format = ExportFormat::kPly, .subject_id = 3}, folder.path(), {stop})
             .status()));
+}
+
+TEST_F(RecorderTest, RecordsLatestNamesOfSubjects) {
+    options.several_subjects = true;
+    make();
+    const auto volume = std::make_shared<const Volume>(testing::person_volume(0.05));
+    const auto record = [&](const char* name, const auto& name_of) {  // two_subjects() and four
+        ASSERT_TRUE(recorder->start(name, {}).ok());
+        for (std::uint64_t n = 0; n < 15; ++n) {
+            recorder->offer(noise_set(n));
+            FrameResult result = two_subjects(n, volume);
+            for (const std::uint32_t id : {3u, 4u}) {
+                result.subjects.push_back(result.subjects.front());
+                result.subjects.back().track.subject_id = id;
+            }
+            for (SubjectResult& subject : result.subjects)
+                subject.track.name = name_of(subject.track.subject_id, n);
+            recorder->observe(result, no_body);
+        }
+        ASSERT_TRUE(recorder->stop().ok());
+    };
+    record("named", [](std::uint32_t id, std::uint64_t n) -> std::string {
+        if (id == 1) return n < 5 ? "" : n < 10 ? "Anna" : "Anna B.";
+        if (id == 2) return "Ben, \"the fast\"";  // leaves after frame set 11
+        if (id == 3) return n < 10 ? "Cleo" : "";
+        return "Anna B.";
+    });
+    const auto names = read_subject_names(options.folder / "named" / "poses");
+    ASSERT_TRUE(names.ok()) << names.status();
+    EXPECT_EQ(*names, (SubjectNames{{1, "Anna B."}, {2, "Ben, \"the fast\""}, {4, "Anna B."}}));
+    const std::atomic<bool> stop = false;
+    const fs::path out = folder.path() / "volumes", anonymous = folder.path() / "anonymous";
+    fs::create_directory(out);
+    fs::create_directory(anonymous);
+    ASSERT_TRUE(export_recording(options.folder / "named", {.format = ExportFormat::kPly}, out, {stop}).ok());
+    EXPECT_EQ(read_subject_names(out)->size(), 3U);
+    ASSERT_TRUE(export_recording(options.folder / "named", {.format = ExportFormat::kPly, .anonymous = true},
+                                 anonymous, {stop})
+                    .ok());
+    EXPECT_FALSE(fs::exists(anonymous / "subjects.csv"));
+
+    record("unnamed", [](std::uint32_t, std::uint64_t) { return ""; });
+    EXPECT_FALSE(fs::exists(options.folder / "unnamed" / "poses" / "subjects.csv"));
 }
 
 TEST_F(RecorderTest, WaitsForTheLastPoses) {

@@ -16,7 +16,9 @@
 namespace kinevox {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using ::testing::StartsWith;
 
 Trial posed_trial(bool gaps) {
@@ -49,6 +51,20 @@ TEST(TrialFormats, WritesCompleteC3dBlocks) {
     EXPECT_EQ(data_block, 2 + parameter_blocks);
     const std::size_t data = 40 * 20 * 16;
     EXPECT_EQ(bytes->size(), 512u * (data_block - 1) + (data + 511) / 512 * 512);
+}
+
+TEST(TrialFormats, NamedSubjectIsInC3dAndMot) {
+    Trial trial = posed_trial(false);
+    const auto c3d = c3d_file(trial), mot = mot_file(trial);
+    ASSERT_TRUE(c3d.ok() && mot.ok());
+    EXPECT_THAT(*c3d, Not(HasSubstr("SUBJECTS"))) << "as without names";
+    EXPECT_EQ(mot->substr(0, mot->find('\n')), trial.name);
+    trial.subject_name = "Jörg = 7";
+    const auto named_c3d = c3d_file(trial), named_mot = mot_file(trial);
+    ASSERT_TRUE(named_c3d.ok() && named_mot.ok());
+    EXPECT_THAT(*named_c3d, AllOf(HasSubstr("SUBJECTS"), HasSubstr("Jörg = 7")));
+    EXPECT_EQ(named_c3d->size() % 512, 0u);
+    EXPECT_EQ(named_mot->substr(0, named_mot->find('\n')), trial.name + ", Jörg  7");
 }
 
 TEST(TrialFormats, WritesLongFramesInC3d) {

@@ -23,7 +23,8 @@ def shortened(words, length):
 
 
 def title_of(trial, session):
-    return session.name if session else trial.name
+    name = session.name if session else trial.name
+    return f"{name}  ·  {trial.subject_name}" if trial.subject_name else name
 
 
 def subtitle_of(trial, session):

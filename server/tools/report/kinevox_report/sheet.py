@@ -57,7 +57,7 @@ class Sheet:
         return axes
 
     def text(self, x, y, words, **style):
-        style = {"size": 8, "va": "baseline", **style}
+        style = {"size": 8, "va": "baseline", "parse_math": False, **style}  # a name may contain dollar signs
         return self.figure.text(x / WIDTH_MM, 1 - y / HEIGHT_MM, words, **style)
 
     def heading(self, x, y, words, width, note=""):

@@ -101,9 +101,34 @@ def tables_folder(folder):
     return folder / recording["poses"], session
 
 
+def read_names(folder):
+    """{id: name} of subjects.csv; empty without the file."""
+    file = Path(folder) / "subjects.csv"
+    if not file.is_file():
+        return {}
+    try:
+        with open(file, newline="", encoding="utf-8") as f:
+            header, *lines = list(csv.reader(f)) or [[]]
+        if header != ["subject", "name"]:
+            raise ValueError("its columns are not subject,name")
+        return {int(number): name for number, name in lines}
+    except (OSError, ValueError, csv.Error) as error:
+        raise ReportError(f"{file}: cannot be read: {error}; correct it") from None
+
+
+def subject_name(names, table, file, subject=None):
+    """Of `subject`; else the name that all subjects of the table have. Empty: none."""
+    if subject is not None or not names:
+        return names.get(subject, "")
+    ids = column(table, "subject", file)
+    distinct = {names.get(int(i), "") for i in np.unique(ids[np.isfinite(ids)])}
+    return distinct.pop() if len(distinct) == 1 else ""
+
+
 class Trial:
     """frames, time_s (n); joints {name: (n, 3) m}; angles {name: (n) deg} and their std, NaN where withheld.
-    `folder`: results of `kinevox process`, or a recording; `session_file`: of a recording, else None."""
+    `folder`: results of `kinevox process`, or a recording; `session_file`: of a recording, else None.
+    `subject_name`: empty without one."""
 
     def __init__(self, folder, subject=None):
         self.name = Path(folder).absolute().name
@@ -111,6 +136,7 @@ class Trial:
         self.subject = subject
         file = self.folder / "joints.csv"
         table = one_subject(read_table(file), file, subject)
+        self.subject_name = subject_name(read_names(self.folder), table, file, subject)
         frames, self.time_s = column(table, "frame", file), column(table, "time_s", file)
         for what, values in (("frame", frames), ("time_s", self.time_s)):
             if not np.isfinite(values).all() or not (np.diff(values) > 0).all():
