@@ -100,7 +100,8 @@ std::vector<VmcBone> vmc_bones(const v1::Pose& pose) {
     return bones;
 }
 
-std::vector<std::string> vmc_datagrams(const v1::Pose* pose, std::uint32_t subject_id, double time_s) {
+std::vector<std::string> vmc_datagrams(const v1::Pose* pose, std::uint32_t subject_id, double time_s,
+                                       const std::string& subject_name) {
     const std::vector<VmcBone> bones = pose ? vmc_bones(*pose) : std::vector<VmcBone>{};
     std::vector<std::string> datagrams;
     datagrams.push_back(datagram([&](osc::OutboundPacketStream& out) {
@@ -108,6 +109,8 @@ std::vector<std::string> vmc_datagrams(const v1::Pose* pose, std::uint32_t subje
         out << osc::BeginMessage("/VMC/Ext/T") << static_cast<float>(time_s) << osc::EndMessage;
         out << osc::BeginMessage("/Kinevox/Ext/Subject") << static_cast<osc::int32>(subject_id)
             << osc::EndMessage;
+        if (!subject_name.empty())
+            out << osc::BeginMessage("/Kinevox/Ext/SubjectName") << subject_name.c_str() << osc::EndMessage;
         if (bones.empty()) return;
         out << osc::BeginMessage("/VMC/Ext/Root/Pos") << "root";
         for (const float value : {0.f, 0.f, 0.f, 0.f, 0.f, 0.f, 1.f}) out << value;

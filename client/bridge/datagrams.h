@@ -32,8 +32,10 @@ struct VmcBone {
 std::vector<VmcBone> vmc_bones(const v1::Pose& pose);
 
 // Datagrams of at most 1472 bytes, below the MTU of Ethernet: state, time and the subject's id
-// (/Kinevox/Ext/Subject, which receivers of the protocol ignore), then the bones. No pose: /VMC/Ext/OK 0.
-std::vector<std::string> vmc_datagrams(const v1::Pose* pose, std::uint32_t subject_id, double time_s);
+// (/Kinevox/Ext/Subject, which receivers of the protocol ignore) and name, if there is one
+// (/Kinevox/Ext/SubjectName), then the bones. No pose: /VMC/Ext/OK 0.
+std::vector<std::string> vmc_datagrams(const v1::Pose* pose, std::uint32_t subject_id, double time_s,
+                                       const std::string& subject_name = {});
 
 // Assigns subjects to avatars, lower ids first. A subject keeps its avatar while it is seen and for a time
 // after it was lost, so that an avatar does not jump to another person; only a new subject, who may be the

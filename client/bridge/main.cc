@@ -79,9 +79,13 @@ absl::Status run_vmc(const Options& options) {
         const std::vector<std::uint32_t> shown = avatars.update(ids, now_ns);
         for (std::size_t n = 0; n < senders.size(); ++n) {
             const v1::Pose* pose = nullptr;
-            for (const v1::SubjectPose& subject : message.subjects())
-                if (subject.subject_id() == shown[n] && subject.has_pose()) pose = &subject.pose();
-            for (const std::string& datagram : vmc_datagrams(pose, shown[n], time_s))
+            std::string name;
+            for (const v1::SubjectPose& subject : message.subjects()) {
+                if (subject.subject_id() != shown[n]) continue;
+                if (subject.has_pose()) pose = &subject.pose();
+                name = subject.name();
+            }
+            for (const std::string& datagram : vmc_datagrams(pose, shown[n], time_s, name))
                 senders[n].send(datagram);
         }
     });

@@ -28,7 +28,9 @@ nlohmann::ordered_json by_name(const Estimates& estimates) {
 }
 
 nlohmann::ordered_json subject_json(PoseColumns columns, const v1::SubjectPose& subject) {
-    nlohmann::ordered_json out{{"subject_id", subject.subject_id()}, {"pose_found", subject.has_pose()}};
+    nlohmann::ordered_json out{{"subject_id", subject.subject_id()}};
+    if (!subject.name().empty()) out["name"] = subject.name();
+    out["pose_found"] = subject.has_pose();
     if (!subject.has_pose()) return out;
     const v1::Pose& pose = subject.pose();
     if (columns == PoseColumns::kAngles) {

@@ -143,16 +143,20 @@ QWidget* AnglePanel::make_subject_row() {
 
 void AnglePanel::show_subjects(const Subjects& subjects) {
     subject_row_->setVisible(subjects.several());
-    const std::vector<std::uint32_t> ids = subjects.several() ? subjects.ids() : std::vector<std::uint32_t>{};
-    if (ids != offered_subjects_) {
-        offered_subjects_ = ids;
+    std::vector<std::pair<std::uint32_t, std::string>> offered;
+    if (subjects.several())
+        for (const std::uint32_t id : subjects.ids()) offered.emplace_back(id, subjects.name_of(id));
+    if (offered != offered_subjects_) {
+        offered_subjects_ = offered;
         subject_->clear();
         compared_->clear();
         compared_->addItem(tr("no one"), 0U);
-        for (const std::uint32_t id : ids) {
+        for (const auto& [id, name] : offered) {
             QPixmap icon(16, 16);
             icon.fill(theme_.subject(id));
-            for (QComboBox* box : {subject_, compared_}) box->addItem(icon, tr("Subject %1").arg(id), id);
+            const QString text = name.empty() ? tr("Subject %1").arg(id)
+                                              : QString::fromStdString(name) + QString(" (%1)").arg(id);
+            for (QComboBox* box : {subject_, compared_}) box->addItem(icon, text, id);
         }
     }
     if (!subject_->view()->isVisible()) subject_->setCurrentIndex(subject_->findData(subjects.selected()));
@@ -260,8 +264,10 @@ void AnglePanel::show_curve(Curve& c, const Subjects& subjects) {
             QPen(colour, is_compared ? 1.5 : 2, is_compared ? Qt::DashLine : Qt::SolidLine));
         const QString side = other.empty() ? QString() : is_left ? tr(", left") : tr(", right");
         const std::uint32_t id = is_compared ? compared.value_or(0) : subjects.selected();
-        c.plot->graph(graph)->setName(label(name) + side +
-                                      (subjects.several() ? tr(", subject %1").arg(id) : QString()));
+        const std::string subject_name = subjects.name_of(id);
+        const QString subject =
+            subject_name.empty() ? tr(", subject %1").arg(id) : ", " + QString::fromStdString(subject_name);
+        c.plot->graph(graph)->setName(label(name) + side + (subjects.several() ? subject : QString()));
     }
     if (low > high) low = -10, high = 90;
     const double centre = (low + high) / 2, half = std::max(kMinSpan_deg, 1.15 * (high - low)) / 2;

@@ -62,7 +62,7 @@ class AnglePanel final : public QWidget {
 
     QWidget* subject_row_;
     QComboBox *subject_ = nullptr, *compared_ = nullptr;
-    std::vector<std::uint32_t> offered_subjects_;
+    std::vector<std::pair<std::uint32_t, std::string>> offered_subjects_;  // id, name
     std::vector<Number> numbers_;
     std::vector<Curve> curves_;
     std::vector<std::string> offered_, selected_;

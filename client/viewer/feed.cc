@@ -16,6 +16,7 @@ constexpr std::chrono::milliseconds kStatePause{250}, kRetryPause{500};
 
 ShownPose shown(const v1::SubjectPose& subject, const ShownPoses& poses) {
     ShownPose pose = poses.pose(subject.subject_id());
+    pose.subject_name = subject.name();
     pose.found = subject.has_pose();
     for (const v1::JointEstimate& joint : subject.pose().joints())
         if (const auto index = joint_index(joint.name()); index && joint.has_position_in_world()) {

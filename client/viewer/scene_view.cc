@@ -2,6 +2,7 @@
 
 #include <QMouseEvent>
 #include <QOpenGLContext>
+#include <QPainter>
 #include <QSurfaceFormat>
 #include <QWheelEvent>
 #include <algorithm>
@@ -10,6 +11,7 @@
 #include <vector>
 
 #include "client/viewer/subjects.h"
+#include "common/body_table.h"
 #include "common/median.h"
 
 namespace kinevox::viewer {
@@ -21,6 +23,8 @@ constexpr double kMaxLatency_ms = 10'000;
 constexpr qint64 kRateWindow_ms = 10'000;
 constexpr int kMaxClick_px = 4;  // a longer way of the pointer is a drag
 constexpr float kLookAtHeight_m = 0.95f;
+constexpr float kNameHeight_m = 0.08f;  // over the top of the head
+constexpr qreal kNameWidth_px = 240;    // longer names are cut
 
 std::int64_t utc_now_ns() {
     return std::chrono::duration_cast<std::chrono::nanoseconds>(
@@ -150,6 +154,32 @@ void SceneView::paintGL() {
     ++paints_;
     const qreal scale = devicePixelRatio();
     painter_.paint(eye_, items_, static_cast<int>(width() * scale), static_cast<int>(height() * scale));
+    paint_names();
+}
+
+// Over the heads of those who have one.
+void SceneView::paint_names() {
+    if (!poses_ || !items_.skeleton) return;
+    const bool any = std::ranges::any_of(poses_->subjects,
+                                         [](const ShownPose& pose) { return !pose.subject_name.empty(); });
+    if (!any) return;
+    const auto width_over_height = static_cast<float>(width()) / static_cast<float>(std::max(1, height()));
+    const QMatrix4x4 clip_from_world = eye_.clip_from_eye(width_over_height) * eye_.eye_from_world();
+    QPainter text(this);
+    for (const ShownPose& pose : poses_->subjects) {
+        const auto& head = pose.joints_in_world[*joint_index("head_top")];
+        if (pose.subject_name.empty() || !head) continue;
+        const QVector4D at =
+            clip_from_world * QVector4D(static_cast<float>(head->x), static_cast<float>(head->y),
+                                        static_cast<float>(head->z) + kNameHeight_m, 1);
+        if (at.w() <= 0) continue;
+        const QPointF centre((0.5 + 0.5 * at.x() / at.w()) * width(),
+                             (0.5 - 0.5 * at.y() / at.w()) * height());
+        text.setPen(subjects_.several ? theme_.subject(pose.subject_id) : theme_.text);
+        text.drawText(
+            QRectF(centre.x() - kNameWidth_px / 2, centre.y() - kNameWidth_px, kNameWidth_px, kNameWidth_px),
+            Qt::AlignHCenter | Qt::AlignBottom, QString::fromStdString(pose.subject_name));
+    }
 }
 
 void SceneView::swapped() {

@@ -58,6 +58,7 @@ class SceneView final : public QOpenGLWindow {
     void close_painter();
     void swapped();
     void find_followed();
+    void paint_names();
     // Paints with the next volume, or after a pause without one.
     void update_soon();
 

@@ -53,6 +53,7 @@ struct ShownAngle {
 // Of one subject.
 struct ShownPose {
     std::uint32_t subject_id = 0;  // 0: none is tracked
+    std::string subject_name;      // empty: none
     std::uint64_t sequence = 0;
     std::int64_t capture_time_ns = 0;
     std::optional<std::int64_t> recorded_frame;

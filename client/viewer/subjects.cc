@@ -51,6 +51,11 @@ std::vector<std::uint32_t> Subjects::ids() const {
     return known;
 }
 
+std::string Subjects::name_of(std::uint32_t id) const {
+    const auto found = names_.find(id);
+    return found == names_.end() ? std::string() : found->second;
+}
+
 std::optional<std::uint32_t> Subjects::compared() const {
     if (!several() || compared_ == selected_ || !last_seen_ns_.contains(compared_)) return {};
     return compared_;
@@ -73,6 +78,8 @@ void Subjects::add(const ShownPoses& poses) {
     if (!poses.subjects.empty() && std::ranges::all_of(poses.subjects, is_new)) last_seen_ns_.clear();
     for (const ShownPose& pose : poses.subjects) newest_id_ = std::max(newest_id_, pose.subject_id);
     for (const ShownPose& pose : poses.subjects) last_seen_ns_[pose.subject_id] = now_ns;
+    for (const ShownPose& pose : poses.subjects) names_[pose.subject_id] = pose.subject_name;
+    std::erase_if(names_, [&](const auto& named) { return !last_seen_ns_.contains(named.first); });
     if (poses.subjects.size() > 1) {
         if (!several()) {  // the history so far is that of the one who was there
             auto single = histories_.extract(kSingle);

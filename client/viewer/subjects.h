@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "client/viewer/curves.h"
@@ -32,6 +33,8 @@ class Subjects {
     // Two were seen at the same time within the last seconds.
     bool several() const { return several_until_ns_.has_value(); }
     std::vector<std::uint32_t> ids() const;  // seen within the last seconds
+    // Empty: none.
+    std::string name_of(std::uint32_t id) const;
     // 0: none was seen yet.
     std::uint32_t selected() const { return selected_; }
     // Empty without a comparison, or if the compared one is the selected one or gone.
@@ -48,6 +51,7 @@ class Subjects {
     void add_to_histories(const ShownPoses& poses);
 
     std::map<std::uint32_t, std::int64_t> last_seen_ns_;
+    std::map<std::uint32_t, std::string> names_;       // the latest of each in last_seen_ns_
     std::map<std::uint32_t, AngleHistory> histories_;  // only kSingle while there are not several
     std::optional<std::int64_t> several_until_ns_;
     std::int64_t latest_ns_ = 0;

@@ -73,13 +73,15 @@ class Camera:
 
 @dataclass(frozen=True)
 class SubjectStatus:
-    """One tracked subject. centre_m, (3,): world frame, with centre_std_m along one axis. volume_litres: of its volume."""
+    """One tracked subject. centre_m, (3,): world frame, with centre_std_m along one axis. volume_litres: of its volume.
+    name: empty: none."""
 
     subject_id: int
     centre_m: Floats
     centre_std_m: float
     pose_found: bool
     volume_litres: float
+    name: str = ""
 
     @staticmethod
     def of(status: Any) -> "SubjectStatus":
@@ -87,7 +89,12 @@ class SubjectStatus:
         subject, at = status.subject, status.subject.centre_in_world
         centre = np.array([at.x, at.y, at.z])
         return SubjectStatus(
-            subject.subject_id, centre, subject.centre_std_m, status.pose_found, status.volume.volume_litres
+            subject.subject_id,
+            centre,
+            subject.centre_std_m,
+            status.pose_found,
+            status.volume.volume_litres,
+            subject.name,
         )
 
 
@@ -301,7 +308,7 @@ class Capture(Service):
         )
 
     def name_subject(self, subject_id: int, name: str) -> None:
-        """Gives a subject a name, which lists, status and volumes contain; "" removes it. NotFound, InvalidArgument."""
+        """Gives a subject a name, which lists, status, volumes, poses and recordings contain; "" removes it. NotFound, InvalidArgument."""
         return self._runner.run(
             Call(
                 "CaptureService/NameSubject",

@@ -231,14 +231,15 @@ class Segments:
 class Pose:
     """The pose of one subject in one frame set.
 
-    subject_id: from 1; 0 if no subject is tracked. found: whether there is a pose; if not, every value is NaN. Joints,
+    subject_id: from 1; 0 if no subject is tracked. name: given by an operator; empty: none. found: whether there is a pose; if not, every value is NaN. Joints,
     angles and the other parts are decoded at first access. message: kinevox.v1.pose_pb2.Pose.
     """
 
-    def __init__(self, message: Any, subject_id: int = 0, found: bool = True) -> None:
+    def __init__(self, message: Any, subject_id: int = 0, found: bool = True, name: str = "") -> None:
         self.message = message
         self.subject_id = subject_id
         self.found = found
+        self.name = name
 
     @cached_property
     def joints(self) -> Joints:
@@ -287,10 +288,11 @@ class Pose:
         return bool(self.message.filtered)
 
     def __repr__(self) -> str:
+        who = f"{self.subject_id} ({self.name})" if self.name else f"{self.subject_id}"
         if not self.found:
-            return f"<Pose of subject {self.subject_id}: none>" if self.subject_id else "<Pose: no subject>"
+            return f"<Pose of subject {who}: none>" if self.subject_id else "<Pose: no subject>"
         left, right = (self.angles["knee_flexion_geometric_l"], self.angles["knee_flexion_geometric_r"])
-        return f"<Pose of subject {self.subject_id}: knees {left:.1f} {right:.1f} deg>"
+        return f"<Pose of subject {who}: knees {left:.1f} {right:.1f} deg>"
 
 
 class PoseFrame:
@@ -304,7 +306,8 @@ class PoseFrame:
     def __init__(self, message: Any, _: str = "") -> None:
         self.message = message
         self.subjects: tuple[Pose, ...] = tuple(
-            Pose(subject.pose, subject.subject_id, subject.HasField("pose")) for subject in message.subjects
+            Pose(subject.pose, subject.subject_id, subject.HasField("pose"), subject.name)
+            for subject in message.subjects
         )
 
     @cached_property
@@ -355,6 +358,11 @@ class PoseFrame:
     def subject_id(self) -> int:
         """Of the only subject; 0 if there is none."""
         return self.only.subject_id
+
+    @property
+    def name(self) -> str:
+        """Of the only subject; empty if it has none."""
+        return self.only.name
 
     @property
     def joints(self) -> Joints:

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,8 @@ class PoseTable:
     frame (n,): the recording's frame in a replay, else the sequence. time_s (n,): capture time since the first row.
     subject (n,): the subject's id, 0 if there is none. joints_m (n, 20, 3): world frame, m, in the order of
     JOINT_NAMES. angles_deg (n, 11): geometric angles by ANGLE_NAMES. coordinates_deg (n, 29): the body model's
-    rotations by COORDINATE_NAMES. translations_m (n, 3): by TRANSLATION_NAMES.
+    rotations by COORDINATE_NAMES. translations_m (n, 3): by TRANSLATION_NAMES. names: by subject id, the latest of each
+    subject that has one; two may have the same.
     """
 
     frame: Ints
@@ -37,6 +38,7 @@ class PoseTable:
     angles_deg: Floats
     coordinates_deg: Floats
     translations_m: Floats
+    names: dict[int, str] = field(default_factory=dict)
 
     @staticmethod
     def of(frames: Iterable[PoseFrame], max_poses: int | None = None) -> "PoseTable":
@@ -57,13 +59,15 @@ class PoseTable:
             _stacked([pose.angles.deg for _, pose in rows], (len(ANGLE_NAMES),)),
             _stacked([pose.coordinates.deg for _, pose in rows], (len(COORDINATE_NAMES),)),
             _stacked([pose.translations.m for _, pose in rows], (len(TRANSLATION_NAMES),)),
+            _latest_names([pose for _, pose in rows]),
         )
 
     @staticmethod
     def read(folder: str | Path) -> "PoseTable":
-        """Reads joints.csv, angles.csv and coordinates.csv of a results folder or of a recording's poses/ folder.
+        """Reads joints.csv, angles.csv, coordinates.csv and subjects.csv of a results folder or of a recording's poses/
+        folder.
 
-        The last two are optional; their values are NaN if the file is missing. InvalidArgument names an unreadable file
+        All but the first are optional; without them values are NaN and subjects have no names. InvalidArgument names an unreadable file
         or a missing column.
         """
         folder = Path(folder)
@@ -87,6 +91,7 @@ class PoseTable:
             rest[0],
             rest[1][:, :split],
             rest[1][:, split:],
+            _read_names(folder / "subjects.csv"),
         )
 
     def __len__(self) -> int:
@@ -128,6 +133,7 @@ class PoseTable:
         return {subject_id: self.of_subject(subject_id, every_frame) for subject_id in self.subject_ids}
 
     def _of_rows(self, rows: Ints) -> "PoseTable":
+        present = {int(value) for value in self.subject[rows]}
         return PoseTable(
             self.frame[rows],
             self.time_s[rows],
@@ -136,6 +142,7 @@ class PoseTable:
             self.angles_deg[rows],
             self.coordinates_deg[rows],
             self.translations_m[rows],
+            {subject: name for subject, name in self.names.items() if subject in present},
         )
 
     def joint(self, name: str) -> Floats:
@@ -185,6 +192,24 @@ class PoseTable:
         import pandas
 
         return pandas.DataFrame(self.columns())
+
+
+def _latest_names(poses: list[Pose]) -> dict[int, str]:
+    latest = {pose.subject_id: pose.name for pose in poses}
+    return {subject: name for subject, name in sorted(latest.items()) if name}
+
+
+def _read_names(file: Path) -> dict[int, str]:
+    if not file.exists():
+        return {}
+    try:
+        with open(file, newline="", encoding="utf-8") as lines:
+            header, *rows = list(csv.reader(lines)) or [[]]
+        if header != ["subject", "name"]:
+            raise ValueError("its columns are not subject,name")
+        return {int(subject): name for subject, name in rows}
+    except (OSError, ValueError, csv.Error) as error:
+        raise InvalidArgument(f"{file} cannot be read ({error}); correct or delete it") from None
 
 
 def _stacked(rows: list[Floats], shape: tuple[int, ...]) -> Floats:

@@ -94,7 +94,7 @@ class SubjectVolume:
 
     subject_id: 0 if no subject is tracked. volume: None without a subject. volume_litres: at the resolution of the
     capture, whatever was requested. encoded_bytes: on the wire. centre_m (3,), velocity_m_per_s (3,): world frame; None
-    without a subject. used_cameras: names of the cameras with a consistent ray.
+    without a subject. used_cameras: names of the cameras with a consistent ray. name: of the subject; empty: none.
     """
 
     subject_id: int
@@ -104,6 +104,7 @@ class SubjectVolume:
     centre_m: Floats | None
     velocity_m_per_s: Floats | None
     used_cameras: tuple[str, ...] = ()
+    name: str = ""
 
     @staticmethod
     def of(message: Any, sequence: int, server: str) -> "SubjectVolume":
@@ -124,6 +125,7 @@ class SubjectVolume:
             np.array([at.x, at.y, at.z]),
             np.array([velocity.x, velocity.y, velocity.z]),
             tuple(subject.used_cameras),
+            subject.name,
         )
 
 

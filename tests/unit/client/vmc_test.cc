@@ -131,7 +131,8 @@ TEST(VmcTest, DatagramsAreOscWithinEthernetFrame) {
     const v1::Pose pose = standing();
     int bones = 0, ok = -1, subject_id = -1;
     float time_s = 0;
-    for (const std::string& datagram : vmc_datagrams(&pose, 3, 12.5)) {
+    std::string subject_name;
+    for (const std::string& datagram : vmc_datagrams(&pose, 3, 12.5, "Jörg B.")) {
         EXPECT_LE(datagram.size(), 1472U);
         const osc::ReceivedPacket packet(datagram.data(), datagram.size());
         ASSERT_TRUE(packet.IsBundle());
@@ -141,6 +142,7 @@ TEST(VmcTest, DatagramsAreOscWithinEthernetFrame) {
             const std::string address = message.AddressPattern();
             if (address == "/VMC/Ext/OK") ok = message.ArgumentsBegin()->AsInt32();
             if (address == "/Kinevox/Ext/Subject") subject_id = message.ArgumentsBegin()->AsInt32();
+            if (address == "/Kinevox/Ext/SubjectName") subject_name = message.ArgumentsBegin()->AsString();
             if (address == "/VMC/Ext/T") time_s = message.ArgumentsBegin()->AsFloat();
             if (address != "/VMC/Ext/Bone/Pos") continue;
             EXPECT_STREQ(message.TypeTags(), "sfffffff");
@@ -150,6 +152,11 @@ TEST(VmcTest, DatagramsAreOscWithinEthernetFrame) {
     EXPECT_EQ(bones, 15);
     EXPECT_EQ(ok, 1);
     EXPECT_EQ(subject_id, 3);
+    EXPECT_EQ(subject_name, "Jörg B.");
+    const std::string longest(100, 'a');  // SubjectControl's limit
+    for (const std::string& datagram : vmc_datagrams(&pose, 3, 12.5, longest))
+        EXPECT_LE(datagram.size(), 1472U);
+    EXPECT_EQ(vmc_datagrams(&pose, 3, 12.5).front().find("SubjectName"), std::string::npos);
     EXPECT_FLOAT_EQ(time_s, 12.5f);
     ASSERT_EQ(vmc_datagrams(nullptr, 0, 1).size(), 1U);
 }

@@ -236,6 +236,28 @@ TEST(Subjects, CompareAnotherUntilItIsGone) {
     EXPECT_EQ(subjects.history(2).series(kKnee).time_s.size(), 1U) << "after a seek";
 }
 
+TEST(Subjects, AreListedWithLatestNames) {
+    Subjects subjects;
+    for (const std::size_t count : {0, 1, 2, 4}) {
+        subjects.clear();
+        std::vector<std::uint32_t> ids{1, 2, 3, 4};
+        ids.resize(count);
+        ShownPoses poses = poses_of(1, ids);
+        for (ShownPose& pose : poses.subjects) pose.subject_name = pose.subject_id == 2 ? "" : "Anna";
+        subjects.add(poses);
+        EXPECT_EQ(subjects.ids(), ids);
+        for (const std::uint32_t id : ids) EXPECT_EQ(subjects.name_of(id), id == 2 ? "" : "Anna");
+    }
+    ShownPoses renamed = poses_of(2, {1, 2});
+    renamed.subjects[1].subject_name = "Jörg";
+    subjects.add(renamed);
+    EXPECT_EQ(subjects.name_of(1), "") << "removed";
+    EXPECT_EQ(subjects.name_of(2), "Jörg");
+    EXPECT_EQ(subjects.name_of(4), "Anna") << "lost briefly";
+    subjects.add(poses_of(3 + Subjects::kPatience_s, {1}));
+    EXPECT_EQ(subjects.name_of(4), "") << "gone";
+}
+
 TEST(SubjectAt, FindsNearestSubjectUnderPointer) {
     const OrbitCamera eye;
     ShownVolume volume;
