@@ -60,6 +60,8 @@ export class App {
   private panelsAt = -Infinity;
   private banner = "";
   private volumeNote = "";
+  private name = ""; // of the followed visitor, given by an operator
+  private shownName = "";
   private shownChampion = -1;
 
   constructor(
@@ -127,7 +129,9 @@ export class App {
       this.receivedAt,
     );
     if (this.following.subject !== before) this.clearBody(); // the recent poses are of another one
-    const pose = subjects.find((subject) => subject.subjectId === followed)?.pose;
+    const subject = subjects.find(({ subjectId }) => subjectId === followed);
+    this.name = subject?.name ?? "";
+    const pose = subject?.pose;
     if (!pose) {
       this.clearBody(); // not there, or no pose found
       this.visit.update(followed, {}, {}, this.receivedAt);
@@ -199,7 +203,7 @@ export class App {
       this.counts.volumes += 1;
       if (!this.drawn) this.counts.volumesWithoutPose += 1;
     }
-    this.showOthers(message.subjects.filter((subject) => !isFollowed(subject)));
+    this.showOthers(message.subjects.filter(({ subject }) => subject && this.following.isOther(subject.subjectId)));
   }
 
   /** The others are outlines. */
@@ -239,6 +243,9 @@ export class App {
     const note =
       this.joints && this.volumeLitres > 0 ? this.languages.text("volume", { litres: Math.round(this.volumeLitres) }) : "";
     if (note !== this.volumeNote) byId("volume-note").textContent = this.volumeNote = note;
+    const name = byId("visitor-name");
+    if (this.name !== this.shownName) name.textContent = this.shownName = this.name;
+    name.hidden = this.name === "";
     this.anglePanel.show(this.angles);
     this.championPanel.show(this.visit);
     const problem = this.problem();
@@ -259,6 +266,7 @@ export class App {
     return {
       ...this.counts,
       at: this.centre, // of the followed visitor
+      name: this.name,
       problem: this.problem(),
       present: this.visit.present,
       visit: this.visit.number,

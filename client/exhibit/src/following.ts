@@ -20,6 +20,7 @@ export class Following {
   /** Id of the followed subject; 0: none. */
   subject = 0;
   private readonly positions = new Map<number, Vec3>();
+  private present: readonly number[] = [];
   private readonly together = new Set<number>(); // seen at the same time as the followed one
   private seenAt = -Infinity;
   private nearer = 0;
@@ -38,6 +39,7 @@ export class Following {
 
   /** Takes the ids of the subjects now. Returns the followed one if it is among them, else 0. */
   update(subjects: readonly number[], now_ms: number): number {
+    this.present = subjects;
     for (const id of this.positions.keys()) if (!subjects.includes(id)) this.positions.delete(id);
     const nearest = [...subjects].sort((a, b) => this.distance(a) - this.distance(b) || a - b)[0];
     if (nearest === undefined) return 0;
@@ -52,6 +54,14 @@ export class Following {
     if (this.subject !== 0 && this.together.has(nearest) && now_ms - this.seenAt < LOST_FOR_MS) return 0;
     this.follow(nearest, now_ms);
     return this.subject;
+  }
+
+  /**
+   * Whether a subject is another one than the followed one. Volumes and poses arrive at different times: one who is only in
+   * a volume may be the followed one, about to come or gone.
+   */
+  isOther(subject: number): boolean {
+    return subject !== this.subject && this.present.includes(subject);
   }
 
   private distance(subject: number): number {

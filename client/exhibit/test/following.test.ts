@@ -46,6 +46,17 @@ describe("Following", () => {
     expect(f.update([], 600)).toBe(0);
     expect(see(f, { 2: 1 }, 650)).toBe(2);
   });
+
+  it("knows others only from the latest poses", () => {
+    const f = new Following();
+    expect(f.isOther(1), "a volume before the first pose").toBe(false);
+    see(f, { 1: 0, 2: 1 }, 0, 500);
+    expect([1, 2, 3].filter((id) => f.isOther(id))).toEqual([2]);
+    see(f, { 2: 1 }, 550);
+    expect(f.isOther(2), "while the followed one is hidden").toBe(true);
+    see(f, { 4: 0 }, 3000);
+    expect([1, 2, 4].filter((id) => f.isOther(id)), "volumes of those who are gone").toEqual([]);
+  });
 });
 
 describe("readMark", () => {
