@@ -107,11 +107,11 @@ def read_c3d(file):
             here += 2 + dimensions
             count = int(np.prod(sizes)) if sizes else 1
             if kind == -1:
-                text = data[here : here + count].decode("ascii")
+                text = data[here : here + count]
                 value = (
-                    text
+                    text.decode()
                     if dimensions == 1
-                    else [text[n : n + sizes[0]].rstrip() for n in range(0, count, max(sizes[0], 1))]
+                    else [text[n : n + sizes[0]].decode().rstrip() for n in range(0, count, max(sizes[0], 1))]
                 )
             else:
                 value = np.frombuffer(data, {1: "u1", 2: "<u2", 4: "<f4"}[kind], count, here)

@@ -19,6 +19,7 @@ class StudioDaemon:
         autostart=True,
         pose="",
         session=None,
+        loop=True,
     ):
         self.folder = Path(folder)
         self.recordings = self.folder / "recordings"
@@ -28,7 +29,7 @@ class StudioDaemon:
             f"width_px = {size[0]}\nheight_px = {size[1]}\nfps = {fps}\n"
         )
         if session is not None:
-            source = f'kind = "session"\nsession_file = "{session}"\npacing = "real_time"\nloop = true\n'
+            source = f'kind = "session"\nsession_file = "{session}"\npacing = "real_time"\nloop = {str(loop).lower()}\n'
         config.write_text(
             f'[server]\nlisten = "127.0.0.1:{port}"\n[source]\nautostart = {str(autostart).lower()}\n{source}'
             f'[pose]\ndatabase_file = ""\nauto_fit_body = false\nfitted_body_file = ""\n{pose}[calibration]\nfolder = "{self.folder}/calibrations"\n'

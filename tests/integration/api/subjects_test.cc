@@ -1,5 +1,8 @@
 // CaptureService.ListSubjects, SelectSubjects and NameSubject over an in-process channel.
+#include <future>
+
 #include "tests/integration/api/api_fixture.h"
+#include "tests/support/patience.h"
 
 namespace kinevox {
 namespace {
@@ -39,6 +42,51 @@ TEST_F(ApiTest, SubjectsNeedPipeline) {
     all.set_follow_all(true);
     EXPECT_EQ(client_.select_subjects("ann", all).code(), absl::StatusCode::kFailedPrecondition);
     EXPECT_EQ(client_.name_subject("ann", {}).code(), absl::StatusCode::kFailedPrecondition);
+}
+
+TEST_F(ApiTest, StreamsCarryEverySubjectWithName) {
+    using Named = std::vector<std::pair<std::uint32_t, std::string>>;
+    const Named people{{1, "Anna"}, {2, ""}, {5, "Jörg"}, {6, "Anna"}};
+    for (const std::size_t count : {0, 1, 2, 4}) {
+        auto result = std::make_shared<FrameResult>(*testing::fake_result(7, nullptr));
+        const SubjectResult subject = testing::fake_result(7, volume_)->subjects.front();
+        const Named expected(people.begin(), people.begin() + static_cast<std::ptrdiff_t>(count));
+        for (const auto& [id, name] : expected) {
+            SubjectResult& own = result->subjects.emplace_back(subject);
+            own.track.subject_id = id;
+            own.track.name = name;
+        }
+        Named posed, shown;
+        auto poses = std::async(std::launch::async, [&] {
+            const auto take = [&](const v1::StreamPosesResponse& message) {
+                for (const v1::SubjectPose& one : message.subjects()) {
+                    EXPECT_TRUE(one.has_pose());
+                    posed.emplace_back(one.subject_id(), one.name());
+                }
+                return false;
+            };
+            return client_.stream_poses({}, take, {});
+        });
+        auto volumes = std::async(std::launch::async, [&] {
+            const auto take = [&](const client::VolumeFrame& frame) {
+                for (const client::SubjectVolume& one : frame.subjects) {
+                    EXPECT_TRUE(one.volume);
+                    shown.emplace_back(one.subject.subject_id(), one.subject.name());
+                }
+                return false;
+            };
+            return client_.stream_volumes({}, take, {});
+        });
+        EXPECT_TRUE(testing::eventually(
+            [&] { return hub_.subscribers().poses != 0 && hub_.subscribers().volumes != 0; }));
+        hub_.publish(result, 0);
+        EXPECT_TRUE(poses.get().ok());
+        EXPECT_TRUE(volumes.get().ok());
+        EXPECT_EQ(posed, expected);
+        EXPECT_EQ(shown, expected);
+        EXPECT_TRUE(testing::eventually(
+            [&] { return hub_.subscribers().poses == 0 && hub_.subscribers().volumes == 0; }));
+    }
 }
 
 TEST_F(SubjectsApiTest, ListsEverybodyWithState) {
