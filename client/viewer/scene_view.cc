@@ -1,5 +1,7 @@
 #include "client/viewer/scene_view.h"
 
+#include <QFont>
+#include <QFontMetrics>
 #include <QMouseEvent>
 #include <QOpenGLContext>
 #include <QPainter>
@@ -11,7 +13,7 @@
 #include <vector>
 
 #include "client/viewer/subjects.h"
-#include "common/body_table.h"
+#include "common/body_pose.h"
 #include "common/median.h"
 
 namespace kinevox::viewer {
@@ -24,7 +26,7 @@ constexpr qint64 kRateWindow_ms = 10'000;
 constexpr int kMaxClick_px = 4;  // a longer way of the pointer is a drag
 constexpr float kLookAtHeight_m = 0.95f;
 constexpr float kNameHeight_m = 0.08f;  // over the top of the head
-constexpr qreal kNameWidth_px = 240;    // longer names are cut
+constexpr int kNameWidth_px = 240;      // longer names are cut
 
 std::int64_t utc_now_ns() {
     return std::chrono::duration_cast<std::chrono::nanoseconds>(
@@ -166,6 +168,9 @@ void SceneView::paint_names() {
     const auto width_over_height = static_cast<float>(width()) / static_cast<float>(std::max(1, height()));
     const QMatrix4x4 clip_from_world = eye_.clip_from_eye(width_over_height) * eye_.eye_from_world();
     QPainter text(this);
+    QFont font = text.font();
+    font.setBold(true);
+    text.setFont(font);
     for (const ShownPose& pose : poses_->subjects) {
         const auto& head = pose.joints_in_world[*joint_index("head_top")];
         if (pose.subject_name.empty() || !head) continue;
@@ -175,10 +180,15 @@ void SceneView::paint_names() {
         if (at.w() <= 0) continue;
         const QPointF centre((0.5 + 0.5 * at.x() / at.w()) * width(),
                              (0.5 - 0.5 * at.y() / at.w()) * height());
+        const QString name = text.fontMetrics().elidedText(QString::fromStdString(pose.subject_name),
+                                                           Qt::ElideRight, kNameWidth_px);
+        QRectF box = text.fontMetrics().boundingRect(name).adjusted(-4, -2, 4, 2);
+        box.moveCenter(centre);
+        QColor behind = theme_.background;
+        behind.setAlpha(170);
+        text.fillRect(box, behind);
         text.setPen(subjects_.several ? theme_.subject(pose.subject_id) : theme_.text);
-        text.drawText(
-            QRectF(centre.x() - kNameWidth_px / 2, centre.y() - kNameWidth_px, kNameWidth_px, kNameWidth_px),
-            Qt::AlignHCenter | Qt::AlignBottom, QString::fromStdString(pose.subject_name));
+        text.drawText(box, Qt::AlignCenter, name);
     }
 }
 
