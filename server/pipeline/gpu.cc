@@ -22,9 +22,8 @@ void Gpu::report_failure(const std::string& what) {
     const std::scoped_lock lock(mutex_);
     if (++failures_ > 1) return;
     message_ = fmt::format(
-        "the GPU {}{} failed: {}; the CPU computes since {:%Y-%m-%d %H:%M:%S} UTC, more slowly; check the "
-        "GPU "
-        "(kinevox devices, kinevox doctor), then restart the daemon",
+        "the GPU {}{} failed: {}; the CPU computes since {:%Y-%m-%d %H:%M:%S} UTC, more slowly; check "
+        "the GPU (kinevox devices, kinevox doctor), then restart the daemon",
         device(), name_.empty() ? "" : " (" + name_ + ")", what, fmt::gmtime(std::time(nullptr)));
     pending_message_ = message_;
 }

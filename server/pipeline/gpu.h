@@ -20,9 +20,8 @@ class Gpu {
 
     const kernels::StageFactory& stages() const { return *stages_; }
     std::string device() const { return kernels::name_of(stages_->device()); }  // "cuda:1"
-    const std::string& name() const {
-        return name_;
-    }  // "NVIDIA T4"; empty if it could not be used from the start
+    // "NVIDIA T4"; empty if it could not be used from the start.
+    const std::string& name() const { return name_; }
     bool usable() const;
 
     // `what` went wrong, in one line. Only the first failure is reported.
