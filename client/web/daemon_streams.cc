@@ -32,10 +32,18 @@ bool is_final(const absl::Status& status) {
            absl::IsUnauthenticated(status);
 }
 
+// Of volumes or states, which contain a Subject.
+template <typename Message>
+void clear_names(Message& message) {
+    for (auto& subject : *message.mutable_subjects())
+        if (subject.has_subject()) subject.mutable_subject()->clear_name();
+}
+
 }  // namespace
 
 struct DaemonStreams::Parts {
     client::ClientOptions options;
+    bool show_names = false;
     std::unique_ptr<kinevox::v1::CaptureService::Stub> capture;
     std::unique_ptr<kinevox::v1::StreamService::Stub> stream;
 
@@ -61,8 +69,13 @@ struct DaemonStreams::Parts {
             [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
                 return stream->PrepareAsyncStreamPoses(context, {}, queue);
             },
-            [](const auto& message, web::v1::GatewayMessage& out) { *out.mutable_pose() = message; }, stop,
-            listener, any);
+            [this](const auto& message, web::v1::GatewayMessage& out) {
+                *out.mutable_pose() = message;
+                if (show_names) return;
+                for (kinevox::v1::SubjectPose& subject : *out.mutable_pose()->mutable_subjects())
+                    subject.clear_name();
+            },
+            stop, listener, any);
     }
 
     absl::Status volumes(int downsample_level, const std::stop_token& stop, const Listener& listener,
@@ -73,9 +86,10 @@ struct DaemonStreams::Parts {
             [&](grpc::ClientContext* context, grpc::CompletionQueue* queue) {
                 return stream->PrepareAsyncStreamVolumes(context, request, queue);
             },
-            [downsample_level](const auto& message, web::v1::GatewayMessage& out) {
+            [this, downsample_level](const auto& message, web::v1::GatewayMessage& out) {
                 out.set_downsample_level(downsample_level);
                 *out.mutable_volume() = message;
+                if (!show_names) clear_names(*out.mutable_volume());
             },
             stop, listener, any);
     }
@@ -110,6 +124,7 @@ struct DaemonStreams::Parts {
             listener.on_connection(called);
             response.clear_source();
             response.clear_control_lease();
+            if (!show_names) clear_names(response);
             for (kinevox::v1::CameraStatus& camera : *response.mutable_cameras()) camera.clear_connection();
             if (called.ok()) listener.on_message(out.SerializeAsString());
             pause(kStatusInterval, stop);
@@ -132,8 +147,10 @@ struct DaemonStreams::Parts {
     }
 };
 
-DaemonStreams::DaemonStreams(const client::ClientOptions& options) : parts_(std::make_unique<Parts>()) {
+DaemonStreams::DaemonStreams(const client::ClientOptions& options, bool show_names)
+    : parts_(std::make_unique<Parts>()) {
     parts_->options = options;
+    parts_->show_names = show_names;
     const auto channel = client::connect(options);
     parts_->capture = kinevox::v1::CaptureService::NewStub(channel);
     parts_->stream = kinevox::v1::StreamService::NewStub(channel);

@@ -25,7 +25,8 @@ class DaemonStreams {
         std::function<void(const absl::Status& connection)> on_connection;  // after every GetStatus
     };
 
-    explicit DaemonStreams(const client::ClientOptions& options);
+    // `show_names`: messages contain the subjects' names.
+    DaemonStreams(const client::ClientOptions& options, bool show_names);
     ~DaemonStreams();
 
     // Runs until `stop`; reconnects with growing pauses up to 5 s when the daemon becomes unavailable. Only

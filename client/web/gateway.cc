@@ -85,7 +85,7 @@ struct Gateway::Parts final : GatewayContext {
     Parts(const GatewayOptions& options, Pages pages)
         : gateway_options(options),
           gateway_pages(std::move(pages)),
-          daemon(options.daemon),
+          daemon(options.daemon, options.show_names),
           streams(daemon, stream_options()) {}
 
     const GatewayOptions& options() const override { return gateway_options; }

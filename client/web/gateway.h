@@ -19,6 +19,7 @@ struct GatewayOptions {
     std::string listen = "127.0.0.1:8090";  // HOST:PORT; port 0: a free port
     client::ClientOptions daemon;
     HttpRules rules;
+    bool show_names = false;                            // of the subjects
     std::size_t max_clients = 32;                       // WebSockets
     std::size_t max_connections = 128;                  // of any kind
     std::size_t max_half_open_per_address = 16;         // connections that have not sent a request yet

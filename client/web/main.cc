@@ -66,6 +66,7 @@ int main(int argc, char** argv) {
     app.add_option("--allow-host", options.rules.allowed_hosts, "Additional Host name to accept; repeatable");
     app.add_option("--allow-origin", options.rules.allowed_origins,
                    "Additional Origin to accept, like http://kiosk.local:8000; repeatable");
+    app.add_flag("--show-names", options.show_names, "Show the names that operators gave the subjects");
     app.add_option("--max-clients", options.max_clients, "Maximum simultaneous browsers")
         ->check(CLI::Range(1, 1000))
         ->capture_default_str();

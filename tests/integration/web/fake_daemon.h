@@ -68,6 +68,7 @@ class FakeDaemon final : kinevox::v1::CaptureService::Service, kinevox::v1::Stre
         response->set_source("session /home/ann/secret");
         response->mutable_control_lease()->set_operator_name("ann");
         response->add_cameras()->set_name("cam1");
+        response->add_subjects()->mutable_subject()->set_name("Anna");
         response->mutable_cameras(0)->mutable_connection()->set_device("Maker 21548823 at 10.0.0.7");
         return grpc::Status::OK;
     }
@@ -76,6 +77,7 @@ class FakeDaemon final : kinevox::v1::CaptureService::Service, kinevox::v1::Stre
         return stream(context, writer, [](kinevox::v1::StreamPosesResponse& message) {
             kinevox::v1::SubjectPose& subject = *message.add_subjects();
             subject.set_subject_id(1);
+            subject.set_name("Anna");
             subject.mutable_pose()->add_angles()->set_name("trunk_lean_geometric");
         });
     }
@@ -84,6 +86,7 @@ class FakeDaemon final : kinevox::v1::CaptureService::Service, kinevox::v1::Stre
         return stream(context, writer, [&](kinevox::v1::StreamVolumesResponse& message) {
             kinevox::v1::SubjectVolume& subject = *message.add_subjects();
             subject.mutable_subject()->set_subject_id(1);
+            subject.mutable_subject()->set_name("Anna");
             subject.set_encoded_volume(volume_bytes() + std::string(volume_padding, 'x'));
             subject.set_voxel_m(0.01 * (1 << request->downsample_level()));
         });

@@ -97,6 +97,26 @@ TEST_F(GatewayTest, ForwardsPosesVolumesStatusAndSilhouettes) {
     EXPECT_FALSE(status->status().cameras(0).has_connection());
 }
 
+TEST_F(GatewayTest, SendsNamesOfSubjectsOnlyOnRequest) {
+    for (const bool show_names : {false, true}) {
+        options_.show_names = show_names;
+        start();
+        TestBrowser browser(gateway_->address());
+        browser.subscribe({TestBrowser::subscription(v1::STREAM_KIND_POSES),
+                           TestBrowser::subscription(v1::STREAM_KIND_VOLUMES),
+                           TestBrowser::subscription(v1::STREAM_KIND_STATUS)});
+        const auto pose = browser.wait_for(Message::kPose);
+        const auto volume = browser.wait_for(Message::kVolume);
+        const auto status = browser.wait_for(Message::kStatus);
+        ASSERT_TRUE(pose && volume && status);
+        const std::string expected = show_names ? "Anna" : "";
+        EXPECT_EQ(pose->pose().subjects(0).name(), expected);
+        EXPECT_EQ(volume->volume().subjects(0).subject().name(), expected);
+        EXPECT_EQ(status->status().subjects(0).subject().name(), expected);
+        stop();
+    }
+}
+
 TEST_F(GatewayTest, NeverRequestsImages) {
     start();
     TestBrowser browser(gateway_->address());
