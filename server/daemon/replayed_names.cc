@@ -5,17 +5,13 @@
 #include <string>
 #include <utility>
 
-#include "common/session_file.h"
-
 namespace kinevox {
 namespace {
 
 constexpr int kMinFrames = 3;  // near a recorded subject
 
 RecordedNames names_of(const std::filesystem::path& session_file) {
-    const auto session = read_session(session_file);
-    if (!session.ok() || !session->recording || session->recording->poses.empty()) return {};
-    auto names = RecordedNames::read(session->recording->poses);
+    auto names = RecordedNames::of_session(session_file);
     if (names.ok()) return *std::move(names);
     spdlog::warn("the replayed subjects have no names: {}", std::string(names.status().message()));
     return {};

@@ -13,6 +13,7 @@
 
 #include "common/files.h"
 #include "common/one_line.h"
+#include "common/session_file.h"
 #include "server/recording/csv_tables.h"
 
 namespace kinevox {
@@ -140,6 +141,12 @@ absl::StatusOr<RecordedNames> RecordedNames::read(const std::filesystem::path& t
                 {static_cast<std::uint32_t>(id), *centre});
     }
     return recorded;
+}
+
+absl::StatusOr<RecordedNames> RecordedNames::of_session(const std::filesystem::path& session_file) {
+    const auto session = read_session(session_file);
+    if (!session.ok() || !session->recording || session->recording->poses.empty()) return RecordedNames();
+    return read(session->recording->poses);
 }
 
 void RecordedNames::add(std::int64_t frame, std::uint32_t id, const Vec3& centre_in_world) {

@@ -43,6 +43,8 @@ class RecordedNames {
   public:
     // `tables`: the recording's. No names: its subjects have none.
     static absl::StatusOr<RecordedNames> read(const std::filesystem::path& tables);
+    // Of the recording with this session.toml. No names: another session, or one without poses.
+    static absl::StatusOr<RecordedNames> of_session(const std::filesystem::path& session_file);
 
     bool empty() const { return names_.empty(); }
     // A subject of the repeated run. `frame`: of the recording.

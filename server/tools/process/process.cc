@@ -127,9 +127,7 @@ std::vector<Table> certificate_tables(const std::filesystem::path& session_file)
 
 // Those that a recording's subjects had while it was made. A damaged file of names spoils no results.
 RecordedNames names_of_session(const std::filesystem::path& session_file) {
-    const auto session = read_session(session_file);
-    if (!session.ok() || !session->recording || session->recording->poses.empty()) return {};
-    auto names = RecordedNames::read(session->recording->poses);
+    auto names = RecordedNames::of_session(session_file);
     if (names.ok()) return *std::move(names);
     fmt::print(stderr, "kinevox process: {}; the subjects have no names\n",
                std::string(names.status().message()));
