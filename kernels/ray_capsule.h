@@ -25,6 +25,11 @@ inline constexpr float kWrongSide_m = 1e3f;
 void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, float* distance_m,
                       int* nearest);
 
+// The same where each ray has a nearest capsule already, at `distance_m`, which is not among these: -1 in
+// `nearest` and its distance stay where none of these is nearer.
+void nearer_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, float* distance_m,
+                     int* nearest);
+
 // Where rays touch capsules; arrays with an element per ray.
 struct RayTouches {
     double* distance_m = nullptr;  // signed, negative: the ray goes through the capsule

@@ -89,8 +89,9 @@ inline void meet(RayBlock& rays, const SeenCapsule& c, int index) {
     }
 }
 
-void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, float* distance_m,
-                      int* nearest) {
+// `known`: distance_m holds those of other capsules.
+void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, bool known,
+                      float* distance_m, int* nearest) {
     SeenCapsule seen[kMaxCapsules];
     const int count = static_cast<int>(capsules.size());
     for (int k = 0; k < count; ++k) seen[k] = seen_from(rays.origin, capsules[k]);
@@ -105,8 +106,9 @@ void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> cap
             load(rays.direction[2], block.dz);
         load(rays.outward[0], block.nx), load(rays.outward[1], block.ny), load(rays.outward[2], block.nz);
         std::fill_n(block.best, kBlock, kWrongSide_m);
+        if (known) load(distance_m, block.best);
         std::fill_n(block.which, kBlock, -1);
-        if (count > 0) meet(block, seen[likely], likely);
+        if (count > 0 && (!known || may_be_nearest(block, seen[likely]))) meet(block, seen[likely], likely);
         for (int k = 0; k < count; ++k)
             if (k != likely && may_be_nearest(block, seen[k])) meet(block, seen[k], k);
         likely = std::max(block.which[size - 1], 0);
@@ -165,7 +167,13 @@ void check_count(std::span<const TaperedCapsule> capsules) {
 void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, float* distance_m,
                       int* nearest) {
     check_count(capsules);
-    KINEVOX_DISPATCH(nearest_capsules)(rays, capsules, distance_m, nearest);
+    KINEVOX_DISPATCH(nearest_capsules)(rays, capsules, false, distance_m, nearest);
+}
+
+void nearer_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, float* distance_m,
+                     int* nearest) {
+    check_count(capsules);
+    KINEVOX_DISPATCH(nearest_capsules)(rays, capsules, true, distance_m, nearest);
 }
 
 void touch_capsules(const RayBundle& rays, const double* origin, std::span<const TaperedCapsule> capsules,

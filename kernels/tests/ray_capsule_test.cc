@@ -114,6 +114,30 @@ TEST(NearestCapsules, AreIndependentOfNeighbouringRays) {
     }
 }
 
+TEST(NearerCapsules, AndThoseOfTheRestEqualTheNearestOfAll) {
+    std::mt19937 random(13);
+    const float origin[3] = {4, -3, 1.5f};
+    const auto body = some_body(random, 30);
+    const std::span all(body), rest = all.first(25), moved = all.subspan(25);
+    const Rays rays = rays_at(body, origin, 333, random);
+    std::vector<float> distance(333), expected(333);
+    std::vector<int> of_rest(333), of_moved(333), of_all(333);
+    nearest_capsules(rays.bundle(origin), all, expected.data(), of_all.data());
+    nearest_capsules(rays.bundle(origin), rest, distance.data(), of_rest.data());
+    nearer_capsules(rays.bundle(origin), moved, distance.data(), of_moved.data());
+    int nearer = 0;
+    for (int n = 0; n < 333; ++n) {
+        EXPECT_EQ(of_moved[n] < 0 ? of_rest[n] : 25 + of_moved[n], of_all[n]) << n;
+        EXPECT_EQ(distance[n], expected[n]) << n;
+        nearer += of_moved[n] >= 0;
+    }
+    EXPECT_GT(nearer, 20);
+    EXPECT_LT(nearer, 200);
+    EXPECT_THROW(nearer_capsules(rays.bundle(origin), some_body(random, kMaxCapsules + 1), distance.data(),
+                                 of_moved.data()),
+                 std::invalid_argument);
+}
+
 TEST(NearestCapsules, AreNoneWithoutBody) {
     std::mt19937 random(3);
     const float origin[3] = {0, 5, 1};

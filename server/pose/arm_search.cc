@@ -1,43 +1,27 @@
 #include "server/pose/arm_search.h"
 
 #include <algorithm>
-#include <iterator>
 #include <utility>
 
 #include "server/pose/turned_posture.h"
 
 namespace kinevox {
-namespace {
-
-std::vector<BodyCapsule> all_but(const LimbSegments& limb, const BodyModel& model,
-                                 const BodyPosture& posture) {
-    std::vector<BodyCapsule> capsules;
-    model.capsules(model.forward(posture), capsules);
-    std::erase_if(capsules, [&](const BodyCapsule& c) { return limb.has(c.segment); });
-    return capsules;
-}
-
-}  // namespace
-
 ArmSearch::ArmSearch(const BodyModel& model, const BodyPosture& posture, Limb arm,
-                     std::span<const SilhouetteRays> views, const BodyColours& colours, double robust_m,
-                     PoseCost& cost)
+                     std::span<const SilhouetteRays> views, const BodyColours& colours,
+                     const PoseFitOptions& options)
     : model_(model),
       which_(arm),
       arm_(segments_of(arm)),
       views_(views),
-      robust_m_(robust_m),
-      cost_(cost),
-      colour_(colours, views, all_but(arm_, model, posture)),
+      robust_m_(options.narrow_m),
+      cost_(options.cost, model, posture, arm_, views, robust_m_),
+      colour_(colours, views, cost_.rest()),
       best_(judge(posture)),
       before_(best_.total()) {}
 
 MovedArm ArmSearch::judge(const BodyPosture& posture) {
-    const double cost = cost_.cost_of(model_, posture, views_, robust_m_);
-    moved_.clear();
-    std::ranges::copy_if(cost_.capsules(), std::back_inserter(moved_),
-                         [this](const BodyCapsule& c) { return arm_.has(c.segment); });
-    return {posture, cost, colour_.cost(moved_)};
+    const double cost = cost_.cost_of(posture);
+    return {posture, cost, colour_.cost(cost_.arm())};
 }
 
 std::array<MovedArm, 6> ArmSearch::around(const BodyPosture& posture, double angle) {

@@ -5,27 +5,27 @@
 #include <span>
 #include <vector>
 
+#include "server/pose/arm_cost.h"
 #include "server/pose/body_colours.h"
 #include "server/pose/body_model.h"
 #include "server/pose/limb_search.h"
-#include "server/pose/pose_cost.h"
 
 namespace kinevox {
 
 struct MovedArm {
     BodyPosture posture;
-    double cost = 0;         // against the silhouettes
+    double cost = 0;         // against the silhouettes, see ArmCost
     double colour_cost = 0;  // of the arm
     double total() const { return cost + colour_cost; }
 };
 
 // Moves one arm, kArmL or kArmR: bends the elbow, rotates the upper arm about its own axis and the elbow
-// around the line from shoulder to wrist. Model, views, colours and cost must outlive it.
+// around the line from shoulder to wrist. Model, views and colours must outlive it.
 class ArmSearch {
   public:
     ArmSearch(const BodyModel& model, const BodyPosture& posture, Limb arm,
-              std::span<const SilhouetteRays> views, const BodyColours& colours, double robust_m,
-              PoseCost& cost);
+              std::span<const SilhouetteRays> views, const BodyColours& colours,
+              const PoseFitOptions& options);
 
     // Moves by each of these angles (rad), as often as the total falls, but at most `max_moves` times.
     void improve(std::span<const double> angles, int max_moves);
@@ -47,9 +47,8 @@ class ArmSearch {
     LimbSegments arm_;
     std::span<const SilhouetteRays> views_;
     double robust_m_;
-    PoseCost& cost_;
+    ArmCost cost_;
     PartialColourCost colour_;
-    std::vector<BodyCapsule> moved_;  // of the last posture
     MovedArm best_;
     double before_ = 0;
 };

@@ -63,10 +63,11 @@ std::optional<CapsuleInCells> in_cells(const SilhouetteRays& view, const BodyCap
                           depth_b};
 }
 
-// Calls f(cell, square, surface_m) for each cell of a capsule: the squared distance from its axis in radii,
-// and the depth of its surface there.
-template <typename F>
-void each_cell(const ViewColours& grid, const BodyCapsule& capsule, const CapsuleInCells& in, const F& f) {
+// Calls f(cell, square, surface_m) for each cell of a capsule that may_count(cell): the squared distance from
+// its axis in radii, and the depth of its surface there.
+template <typename G, typename F>
+void each_cell(const ViewColours& grid, const BodyCapsule& capsule, const CapsuleInCells& in,
+               const G& may_count, const F& f) {
     const auto begin = [](float a, float b) {
         return std::max(0, static_cast<int>(std::ceil(std::min(a, b))));
     };
@@ -77,17 +78,21 @@ void each_cell(const ViewColours& grid, const BodyCapsule& capsule, const Capsul
               x1 = end(in.ax + in.radius_a, in.bx + in.radius_b, grid.columns),
               y0 = begin(in.ay - in.radius_a, in.by - in.radius_b),
               y1 = end(in.ay + in.radius_a, in.by + in.radius_b, grid.rows);
-    const float dx = in.bx - in.ax, dy = in.by - in.ay, length2 = std::max(1e-6f, dx * dx + dy * dy);
+    const float dx = in.bx - in.ax, dy = in.by - in.ay;
+    const float per_length2 = 1 / std::max(1e-6f, dx * dx + dy * dy);
     for (int y = y0; y < y1; ++y)
         for (int x = x0; x < x1; ++x) {
+            const std::size_t cell = static_cast<std::size_t>(y) * grid.columns + x;
+            if (!may_count(cell)) continue;
             const float px = static_cast<float>(x) - in.ax, py = static_cast<float>(y) - in.ay;
-            const float along = std::clamp((px * dx + py * dy) / length2, 0.f, 1.f);
+            const float along = std::clamp((px * dx + py * dy) * per_length2, 0.f, 1.f);
             const float qx = px - along * dx, qy = py - along * dy;
             const float radius = in.radius_a + along * (in.radius_b - in.radius_a);
-            const float square = (qx * qx + qy * qy) / (radius * radius);
-            if (!(square < 1)) continue;
+            const float from_axis2 = qx * qx + qy * qy, radius2 = radius * radius;
+            if (!(from_axis2 < radius2)) continue;
+            const float square = from_axis2 / radius2;
             const float radius_m = capsule.radius_a + along * (capsule.radius_b - capsule.radius_a);
-            f(static_cast<std::size_t>(y) * grid.columns + x, square,
+            f(cell, square,
               in.depth_a + along * (in.depth_b - in.depth_a) - radius_m * std::sqrt(1 - square));
         }
 }
@@ -115,11 +120,13 @@ class PartImage {
     void draw(const ViewColours& grid, const BodyCapsule& capsule, const CapsuleInCells& in) {
         const std::uint8_t own = kPartOfSegment[capsule.segment];
         const auto bit = static_cast<std::uint16_t>(1u << own);
-        each_cell(grid, capsule, in, [&](std::size_t cell, float square, float surface_m) {
-            covering_[cell] |= bit;
-            if (square < kCore * kCore) core_[cell] |= bit;
-            if (surface_m < depth_m_[cell]) depth_m_[cell] = surface_m, part_[cell] = own;
-        });
+        each_cell(
+            grid, capsule, in, [](std::size_t) { return true; },
+            [&](std::size_t cell, float square, float surface_m) {
+                covering_[cell] |= bit;
+                if (square < kCore * kCore) core_[cell] |= bit;
+                if (surface_m < depth_m_[cell]) depth_m_[cell] = surface_m, part_[cell] = own;
+            });
     }
 
     std::vector<float> depth_m_;  // of the nearest surface
@@ -264,9 +271,14 @@ double PartialColourCost::cost(std::span<const BodyCapsule> moving) {
             const auto in = in_cells(*view.rays, capsule);
             if (!in) continue;
             const auto& cost = view.learned->cost[kPartOfSegment[capsule.segment]];
-            each_cell(view.rays->colours, capsule, *in, [&](std::size_t n, float, float surface_m) {
+            const float nearest_m =
+                std::min(in->depth_a, in->depth_b) - std::max(capsule.radius_a, capsule.radius_b);
+            const auto may_show = [&](std::size_t n) {
+                return view.rays->colours.inside[n] && nearest_m < view.cells[n].depth_m;
+            };
+            each_cell(view.rays->colours, capsule, *in, may_show, [&](std::size_t n, float, float surface_m) {
                 Cell& cell = view.cells[n];
-                if (surface_m >= cell.depth_m || !view.rays->colours.inside[n]) return;
+                if (surface_m >= cell.depth_m) return;
                 if (cell.colour < 0) {
                     cell.colour = static_cast<std::int16_t>(view.learned->bin(view.rays->colours.colour[n]));
                     if (cell.part != kNoPart) cell.cost = view.learned->cost[cell.part][cell.colour];

@@ -42,6 +42,8 @@ BodyPosture posture_from_coordinates(const BodyCoordinates& coordinates);
 // Angles of a ball joint at its singular pose (adduction or obliquity of 90 deg): the rotation about the long
 // axis is 0.
 BodyCoordinates coordinates_from_posture(const BodyPosture& posture);
+// Writes the coordinates of one segment's joint.
+void read_coordinates(const BodyPosture& posture, int segment, BodyCoordinates& coordinates);
 // The posture after a step in the tangent space.
 BodyPosture stepped(const BodyPosture& posture, std::span<const double, kBodyDofCount> step);
 // The step from `a` to `b`: stepped(a, step_between(a, b)) is b up to rounding (hinges: their angles'

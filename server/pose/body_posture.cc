@@ -84,14 +84,16 @@ BodyPosture posture_from_coordinates(const BodyCoordinates& q) {
 BodyCoordinates coordinates_from_posture(const BodyPosture& posture) {
     BodyCoordinates q{};
     q[0] = posture.root_in_world.x, q[1] = posture.root_in_world.y, q[2] = posture.root_in_world.z;
-    for (int s = 0; s < kBodySegmentCount; ++s) {
-        double* angles = q.data() + kSegmentDof[s];
-        if (kSegmentDofCount[s] == 3)
-            ball_angles(s, posture.parent_from_segment[s], angles);
-        else
-            angles[0] = hinge_angle(s, posture.parent_from_segment[s]);
-    }
+    for (int s = 0; s < kBodySegmentCount; ++s) read_coordinates(posture, s, q);
     return q;
+}
+
+void read_coordinates(const BodyPosture& posture, int segment, BodyCoordinates& coordinates) {
+    double* const angles = coordinates.data() + kSegmentDof[segment];
+    if (kSegmentDofCount[segment] == 3)
+        ball_angles(segment, posture.parent_from_segment[segment], angles);
+    else
+        angles[0] = hinge_angle(segment, posture.parent_from_segment[segment]);
 }
 
 BodyPosture stepped(const BodyPosture& posture, std::span<const double, kBodyDofCount> step) {

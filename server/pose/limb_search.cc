@@ -85,6 +85,20 @@ LimbSegments segments_of(Limb limb) {
     return {kThighR, kShankR, kFootR, false, false};
 }
 
+void append_capsules(const BodyModel& model, const Rigid3& world_from_parent, const LimbSegments& limb,
+                     const LimbRotations& rotations, std::vector<BodyCapsule>& out) {
+    Vec3 origin = model.offset_in_parent(limb.upper);
+    if (limb.arm) origin += model.shoulder_shift(limb.left, rotations.upper * Vec3{0, 0, -1});
+    const Rigid3 upper = world_from_parent * Rigid3{rotations.upper, origin};
+    const Rigid3 lower = upper * Rigid3{rotations.lower, model.offset_in_parent(limb.lower)};
+    const Rigid3 end = lower * Rigid3{rotations.end, model.offset_in_parent(limb.end)};
+    for (const BodyCapsule& capsule : model.capsules_in_segments()) {
+        const int s = capsule.segment;
+        if (limb.has(s))
+            out.push_back(capsule_in_world(s == limb.upper ? upper : s == limb.lower ? lower : end, capsule));
+    }
+}
+
 void LimbSearch::thin_out(std::span<const SilhouetteRays> views) {
     thinned_.resize(views.size());
     for (std::size_t c = 0; c < views.size(); ++c) {
@@ -213,26 +227,13 @@ void LimbSearch::list_configurations(const BodyPosture& posture, const LimbSegme
     }
 }
 
-// Only the limb's part of BodyModel::forward() and capsules().
 void LimbSearch::place_configurations(const BodyModel& model, const PosedBody& posed,
                                       const LimbSegments& limb) {
     const Rigid3& world_from_parent = posed.world_from_segment[kBodyParent[limb.upper]];
     placed_.clear();
-    for (const Configuration& configuration : configurations_) {
-        Vec3 origin = model.offset_in_parent(limb.upper);
-        if (limb.arm) origin += model.shoulder_shift(limb.left, configuration.upper * Vec3{0, 0, -1});
-        const Rigid3 upper = world_from_parent * Rigid3{configuration.upper, origin};
-        const Rigid3 lower = upper * Rigid3{configuration.lower, model.offset_in_parent(limb.lower)};
-        const Rigid3 end = lower * Rigid3{Mat3{}, model.offset_in_parent(limb.end)};
-        for (const BodyCapsule& capsule : model.capsules_in_segments()) {
-            const int s = capsule.segment;
-            if (limb.has(s))
-                placed_.push_back(capsule_in_world(s == limb.upper   ? upper
-                                                   : s == limb.lower ? lower
-                                                                     : end,
-                                                   capsule));
-        }
-    }
+    for (const Configuration& configuration : configurations_)
+        append_capsules(model, world_from_parent, limb, {configuration.upper, configuration.lower, Mat3{}},
+                        placed_);
 }
 
 // Lists the configurations, puts them at the joint and measures what lies outside. Returns the cost of the

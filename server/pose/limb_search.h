@@ -27,6 +27,15 @@ struct LimbSegments {
 };
 LimbSegments segments_of(Limb limb);
 
+// The rotations of a limb's segments against their parents.
+struct LimbRotations {
+    Mat3 upper, lower, end;
+};
+// Appends a limb's capsules in the world, as BodyModel::capsules() has them; `world_from_parent`: of the
+// trunk's segment that bears the limb.
+void append_capsules(const BodyModel& model, const Rigid3& world_from_parent, const LimbSegments& limb,
+                     const LimbRotations& rotations, std::vector<BodyCapsule>& out);
+
 // Not thread safe; keeps its memory.
 class LimbSearch {
   public:

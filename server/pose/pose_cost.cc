@@ -34,7 +34,7 @@ constexpr double kFloorSlack_m = 0.005, kStandingStd_m = 0.01;
 // Silhouettes hardly determine how the trunk's lean divides between pelvis and spine.
 constexpr double kLumbarRest = -11 * kDegree, kLumbarPerHip = 0.2, kLumbarStd = 8 * kDegree;
 
-constexpr std::array<double, 3> kBalls{0.15, 0.5, 0.85};  // along each capsule, for the inside terms
+constexpr std::array<double, 3> kInsideBalls{0.15, 0.5, 0.85};  // along each capsule, for the inside terms
 
 bool kept_apart(int limb, int other) {
     switch (limb) {
@@ -65,27 +65,37 @@ void add_row(std::span<const int> dofs, const double* row, double residual, doub
 
 // Joint limits and the rest pose, on the named angles. A shoulder's angles are singular within its wide range
 // of motion; only the motion prior applies there.
+bool has_angle_terms(int segment) {
+    return segment != kPelvis && segment != kUpperArmL && segment != kUpperArmR;
+}
+
+// Calls f(degree of freedom, residual, standard deviation), rad.
+template <typename F>
+void each_angle_term(int segment, const BodyCoordinates& q, const F& f) {
+    const int first = kSegmentDof[segment];
+    for (int k = first; k < first + kSegmentDofCount[segment]; ++k) {
+        const Habit& habit = kHabits[k];
+        if (habit.std_deg > 0) f(k, q[k] - habit.rest_deg * kDegree, habit.std_deg * kDegree);
+        const BodyDofInfo& info = kBodyDofs[k];
+        const double beyond = std::max(0.0, q[k] - info.upper) + std::min(0.0, q[k] - info.lower);
+        if (beyond != 0) f(k, beyond, kLimitStd);
+    }
+}
+
 void add_angle_terms(const BodyPosture& posture, const BodyCoordinates& q, Linearisation& out) {
     for (int s = 1; s < kBodySegmentCount; ++s) {
-        if (s == kUpperArmL || s == kUpperArmR) continue;
+        if (!has_angle_terms(s)) continue;
         const int first = kSegmentDof[s], count = kSegmentDofCount[s];
         const Mat3 rates = count == 3 ? euler_rates(s, posture.parent_from_segment[s]) : Mat3{};
         int dofs[3];
         for (int k = 0; k < count; ++k) dofs[k] = first + k;
-        for (int k = 0; k < count; ++k) {
+        each_angle_term(s, q, [&](int dof, double residual, double std) {
+            const int k = dof - first;
             const double row[3] = {rates(k, 0), rates(k, 1), rates(k, 2)};
-            const double angle = q[first + k];
-            const auto add = [&](double residual, double std) {
-                const double weight = 1 / (std * std);
-                add_row({dofs, static_cast<std::size_t>(count)}, row, residual, weight, out);
-                out.cost += 0.5 * weight * residual * residual;
-            };
-            const Habit& habit = kHabits[first + k];
-            if (habit.std_deg > 0) add(angle - habit.rest_deg * kDegree, habit.std_deg * kDegree);
-            const BodyDofInfo& info = kBodyDofs[first + k];
-            const double beyond = std::max(0.0, angle - info.upper) + std::min(0.0, angle - info.lower);
-            if (beyond != 0) add(beyond, kLimitStd);
-        }
+            const double weight = 1 / (std * std);
+            add_row({dofs, static_cast<std::size_t>(count)}, row, residual, weight, out);
+            out.cost += 0.5 * weight * residual * residual;
+        });
     }
 }
 
@@ -122,7 +132,23 @@ double height_of(const BodyCapsule& capsule, bool at_end) {
     return at_end ? capsule.b[2] - capsule.radius_b : capsule.a[2] - capsule.radius_a;
 }
 
+// Of Geman & McClure's kernel, r^2 / (1 + r^2 / s^2): 1 / (1 + r^2 / s^2).
+double kernel_factor(double residual, double robust_m) {
+    return 1 / (1 + residual * residual / (robust_m * robust_m));
+}
+
 }  // namespace
+
+double angle_cost(const BodyPosture& posture, int segment) {
+    if (!has_angle_terms(segment)) return 0;
+    BodyCoordinates q;
+    read_coordinates(posture, segment, q);
+    double cost = 0;
+    each_angle_term(segment, q, [&](int, double residual, double std) {
+        cost += 0.5 * residual * residual / (std * std);
+    });
+    return cost;
+}
 
 StandingFoot lower_foot(std::span<const BodyCapsule> capsules) {
     StandingFoot feet[2] = {{kFootL, 0, 0}, {kFootR, 0, 0}};
@@ -143,13 +169,17 @@ StandingFoot lower_foot(std::span<const BodyCapsule> capsules) {
     return lower;
 }
 
-// Geman & McClure's kernel: r^2 / (1 + r^2 / s^2).
+double PoseCost::contour_cost(double distance_m, double robust_m) const {
+    const double w = options_.term_weight / (options_.contour_std_m * options_.contour_std_m);
+    return 0.5 * w * distance_m * distance_m * kernel_factor(distance_m, robust_m);
+}
+
 void PoseCost::add_term(const SurfaceTerm& term, double std_m, double robust_m, double weight) {
     const double w = weight / (std_m * std_m);
-    const double share = 1 / (1 + term.residual * term.residual / (robust_m * robust_m));
-    cost_ += 0.5 * w * term.residual * term.residual * share;
+    const double factor = kernel_factor(term.residual, robust_m);
+    cost_ += 0.5 * w * term.residual * term.residual * factor;
     terms_.push_back(term);
-    terms_.back().weight = w * share * share;
+    terms_.back().weight = w * factor * factor;
 }
 
 void PoseCost::contour_terms(int camera, const SilhouetteRays& view, double robust_m) {
@@ -175,8 +205,8 @@ void PoseCost::inside_terms(int camera, const SilhouetteRays& view, double robus
     const Camera& c = *view.camera;
     balls_.measure(view);
     for (std::size_t k = 0; k < capsules_.size(); ++k) {
-        for (std::size_t ball = 0; ball < kBalls.size(); ++ball) {
-            const std::size_t n = k * kBalls.size() + ball;
+        for (std::size_t ball = 0; ball < kInsideBalls.size(); ++ball) {
+            const std::size_t n = k * kInsideBalls.size() + ball;
             const double out = balls_.outside_m(n);
             if (out <= 0) continue;
             const Vec3 in_camera = balls_.in_camera(n);
@@ -190,7 +220,7 @@ void PoseCost::inside_terms(int camera, const SilhouetteRays& view, double robus
             SurfaceTerm term;
             term.camera = camera;
             term.capsule = static_cast<int>(k);
-            term.along = kBalls[ball];
+            term.along = kInsideBalls[ball];
             term.point_in_world = balls_.in_world(n);
             term.gradient = -(c.camera_from_world.rotation.transposed() * g);
             term.radius_gradient = 1;
@@ -234,10 +264,10 @@ void PoseCost::standing_terms() {
 
 // Forearms and hands do not penetrate the trunk, nor legs each other. Only the limb is moved; two legs each
 // move the other.
-void PoseCost::separation_terms() {
+void PoseCost::separation_terms(std::span<const BodyCapsule> others) {
     for (std::size_t k = 0; k < capsules_.size(); ++k) {
         const BodyCapsule& limb = capsules_[k];
-        for (const BodyCapsule& other : capsules_) {
+        for (const BodyCapsule& other : others) {
             if (!kept_apart(limb.segment, other.segment)) continue;
             for (const double along : {0.5, 1.0}) {
                 const Vec3 p = (1 - along) * point(limb.a) + along * point(limb.b);
@@ -312,7 +342,7 @@ void PoseCost::find_terms(const BodyModel& model, const BodyPosture& posture,
     model.capsules(posed_, capsules_);
     terms_.clear();
     cost_ = 0;
-    balls_.place(capsules_, kBalls);
+    balls_.place(capsules_, kInsideBalls);
     for (std::size_t c = 0; c < views.size(); ++c) {
         if (!views[c].camera) continue;
         contour_terms(static_cast<int>(c), views[c], robust_m);
@@ -320,7 +350,20 @@ void PoseCost::find_terms(const BodyModel& model, const BodyPosture& posture,
     }
     floor_terms();
     if (options_.standing_m > 0) standing_terms();
-    separation_terms();
+    separation_terms(capsules_);
+}
+
+double PoseCost::cost_beside(std::span<const BodyCapsule> moving, std::span<const BodyCapsule> rest,
+                             std::span<const SilhouetteRays> views, double robust_m) {
+    capsules_.assign(moving.begin(), moving.end());
+    terms_.clear();
+    cost_ = 0;
+    balls_.place(capsules_, kInsideBalls);
+    for (std::size_t c = 0; c < views.size(); ++c)
+        if (views[c].camera) inside_terms(static_cast<int>(c), views[c], robust_m);
+    floor_terms();
+    separation_terms(rest);
+    return cost_;
 }
 
 double PoseCost::cost_of(const BodyModel& model, const BodyPosture& posture,

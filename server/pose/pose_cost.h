@@ -52,6 +52,9 @@ struct StandingFoot {
 };
 StandingFoot lower_foot(std::span<const BodyCapsule> capsules);
 
+// The part of PoseCost::cost_of() that depends on the angles of one segment's joint alone: limits and habits.
+double angle_cost(const BodyPosture& posture, int segment);
+
 class PoseCost {
   public:
     explicit PoseCost(const PoseCostOptions& options = {}) : options_(options) {}
@@ -63,7 +66,14 @@ class PoseCost {
     // Only the cost, without prior.
     double cost_of(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views,
                    double robust_m);
+    // What capsules cost that move before an unmoved rest of the body, without contours and angles. Fills
+    // terms() with theirs.
+    double cost_beside(std::span<const BodyCapsule> moving, std::span<const BodyCapsule> rest,
+                       std::span<const SilhouetteRays> views, double robust_m);
+    // Of a contour's ray at this distance from the body.
+    double contour_cost(double distance_m, double robust_m) const;
     double standing_m() const { return options_.standing_m; }
+    const PoseCostOptions& options() const { return options_; }
     void set_standing(double standing_m) { options_.standing_m = standing_m; }
     const std::vector<SurfaceTerm>& terms() const { return terms_; }
     const PosedBody& posed() const { return posed_; }
@@ -77,7 +87,7 @@ class PoseCost {
     void floor_terms();
     void standing_terms();
     void add_height_term(std::size_t capsule, bool at_end, double residual, double std_m, double robust_m);
-    void separation_terms();
+    void separation_terms(std::span<const BodyCapsule> others);
     void add_term(const SurfaceTerm& term, double std_m, double robust_m, double weight);
     void add_surface_terms(const std::array<DofFrame, kBodyDofCount>& frames, Vec3 root_in_world,
                            Linearisation& out) const;
@@ -88,7 +98,7 @@ class PoseCost {
     std::vector<SurfaceTerm> terms_;
     double cost_ = 0;
     Linearisation angles_;  // of cost_of()
-    CapsuleBalls balls_;    // kBalls.size() per capsule
+    CapsuleBalls balls_;    // kInsideBalls.size() per capsule
     NearestCapsules nearest_;
 };
 

@@ -349,8 +349,7 @@ void PoseTracker::move_arms(Hypothesis& h, std::span<const SilhouetteRays> views
     const std::size_t arm = next_move_ % kLimbsOfArms.size();
     const std::span angle(&kArmMoves_rad[next_move_ / kLimbsOfArms.size() % kArmMoves_rad.size()], 1);
     ++next_move_;
-    ArmSearch search(*model_, h.posture, kLimbsOfArms[arm], views, *colours_, options_.fit.narrow_m,
-                     workspaces_.front().cost);
+    ArmSearch search(*model_, h.posture, kLimbsOfArms[arm], views, *colours_, options_.fit);
     search.improve(angle, 1);
     if (search.gain() >= kBetter) {
         const BodyPosture before = std::exchange(h.posture, search.best().posture);

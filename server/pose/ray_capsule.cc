@@ -65,6 +65,44 @@ void NearestCapsules::find(const ContourRays& rays, std::span<const BodyCapsule>
         {distance_.data(), along_.data(), {gradient_[0].data(), gradient_[1].data(), gradient_[2].data()}});
 }
 
+void NearerCapsules::find(const ContourRays& rays, std::span<const float> ranks,
+                          std::span<const BodyCapsule> capsules) {
+    copy(capsules, capsules_);
+    rank_.assign(ranks.begin(), ranks.end());
+    capsule_.resize(rays.size());
+    const kernels::RayBundle all = bundle_of(rays);
+    kernels::nearer_capsules(all, capsules_, rank_.data(), capsule_.data());
+    rays_.clear(), capsule_of_ray_.clear();
+    for (auto& values : gathered_) values.clear();
+    for (std::size_t i = 0; i < capsule_.size(); ++i) {
+        if (capsule_[i] < 0) continue;
+        rays_.push_back(static_cast<int>(i));
+        capsule_of_ray_.push_back(capsule_[i]);
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            gathered_[axis].push_back(rays.direction[axis][i]);
+            gathered_[3 + axis].push_back(rays.outward[axis][i]);
+        }
+    }
+    for (std::vector<double>* values : {&distance_, &along_, &gradient_[0], &gradient_[1], &gradient_[2]})
+        values->resize(rays_.size());
+    kernels::RayBundle nearer = all;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        nearer.direction[axis] = gathered_[axis].data();
+        nearer.outward[axis] = gathered_[3 + axis].data();
+    }
+    nearer.count = static_cast<int>(rays_.size());
+    const Vec3& o = rays.origin_in_world;
+    const double origin[3] = {o.x, o.y, o.z};
+    kernels::touch_capsules(
+        nearer, origin, capsules_, capsule_of_ray_.data(),
+        {distance_.data(), along_.data(), {gradient_[0].data(), gradient_[1].data(), gradient_[2].data()}});
+}
+
+std::optional<double> NearerCapsules::distance_m(std::size_t n) const {
+    if (gradient_[0][n] == 0 && gradient_[1][n] == 0 && gradient_[2][n] == 0) return std::nullopt;
+    return distance_[n];
+}
+
 RayTouch NearestCapsules::touch(std::size_t ray) const {
     const kernels::TaperedCapsule& c = capsules_[capsule_[ray]];
     return touch_at(c.a, c.b, along_[ray], distance_[ray],

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -35,10 +36,31 @@ class NearestCapsules {
     int capsule(std::size_t ray) const { return capsule_[ray]; }  // -1: none
     RayTouch touch(std::size_t ray) const;                        // of that one
 
+    // Its distance as nearest_capsules() compares it.
+    std::span<const float> ranks() const { return rank_; }
+
   private:
     std::vector<kernels::TaperedCapsule> capsules_;
     std::vector<float> rank_;
     std::vector<int> capsule_;
+    std::vector<double> distance_, along_;
+    std::array<std::vector<double>, 3> gradient_;
+};
+
+// The rays to which capsules come nearer than what is there already, and how near. Keeps its memory.
+class NearerCapsules {
+  public:
+    // `ranks`: NearestCapsules::ranks() of the same rays.
+    void find(const ContourRays& rays, std::span<const float> ranks, std::span<const BodyCapsule> capsules);
+    std::span<const int> rays() const { return rays_; }
+    // Of rays()[n], signed; empty if the ray meets the axis.
+    std::optional<double> distance_m(std::size_t n) const;
+
+  private:
+    std::vector<kernels::TaperedCapsule> capsules_;
+    std::vector<float> rank_;
+    std::vector<int> capsule_, rays_, capsule_of_ray_;
+    std::array<std::vector<float>, 6> gathered_;  // direction and outward normal of rays()
     std::vector<double> distance_, along_;
     std::array<std::vector<double>, 3> gradient_;
 };

@@ -137,35 +137,36 @@ class Recording {
             }
         });
         each([&](std::size_t n) { searched_[n] = *chosen(n); });
-        for (std::size_t n = 0; n < frames_.size(); ++n)
-            for (const PathCandidate& c : found[n]) add(n, c);
+        add_all(found);
     }
 
     // Colours show where an arm before the trunk is, silhouettes hardly: moves the arms of the cheapest
     // candidates, and searches them anywhere in the silhouettes.
     void move_arms() {
         std::vector<std::vector<PathCandidate>> found(frames_.size());
+        arms_moved_.resize(frames_.size());
         each([&](std::size_t n) {
             if (shows_others(n)) return;
             PoseCost cost(options_.tracker.fit.cost);
             LimbSearch limbs;
-            std::vector<PathCandidate> starts{frames_[n].candidates[choices_[n].candidate]};
+            std::vector<BodyPosture> starts{*chosen(n)};
             for (const PathCandidate& c : frames_[n].candidates)
-                if (starts.size() < kMovedCandidates && c.posture != starts[0].posture) starts.push_back(c);
-            for (const PathCandidate& start : starts) {
-                BodyPosture moved = start.posture;
+                if (starts.size() < kMovedCandidates && c.posture != starts[0]) starts.push_back(c.posture);
+            for (const BodyPosture& start : starts) {
+                if (std::ranges::count(arms_moved_[n], start) > 0) continue;
+                arms_moved_[n].push_back(start);
+                BodyPosture moved = start;
                 for (const Limb arm : {Limb::kArmL, Limb::kArmR}) {
                     ArmSearch search(model_, moved, arm, recorded_[n].seen->views, colours_,
-                                     options_.tracker.fit.narrow_m, cost);
+                                     options_.tracker.fit);
                     search.improve(kArmMoves_rad, kMaxArmMoves);
                     search.improve_anywhere(limbs, kArmMoves_rad, kMaxArmMoves);
                     if (search.gain() >= kLimbGain) moved = search.best().posture;
                 }
-                if (moved != start.posture) found[n].push_back(candidate(n, moved, cost));
+                if (moved != start) found[n].push_back(candidate(n, moved, cost));
             }
         });
-        for (std::size_t n = 0; n < frames_.size(); ++n)
-            for (const PathCandidate& c : found[n]) add(n, c);
+        add_all(found);
     }
 
     // Where the path explains the silhouettes much worse than elsewhere, the passes lost the body: fits from
@@ -444,6 +445,10 @@ class Recording {
     void keep(std::size_t n, const PathCandidate& c) {
         if (!merge(n, c)) frames_[n].candidates.push_back(c);
     }
+    void add_all(const std::vector<std::vector<PathCandidate>>& found) {
+        for (std::size_t n = 0; n < frames_.size(); ++n)
+            for (const PathCandidate& c : found[n]) add(n, c);
+    }
     void add(std::size_t n, const PathCandidate& c) {
         if (merge(n, c)) return;
         std::vector<PathCandidate>& known = frames_[n].candidates;
@@ -460,6 +465,7 @@ class Recording {
     std::vector<PathFrame> frames_;
     std::vector<PathChoice> choices_;
     std::vector<std::optional<BodyPosture>> searched_;  // the path around which was searched
+    std::vector<std::vector<BodyPosture>> arms_moved_;  // the postures that move_arms() had
     std::vector<std::optional<BodyPosture>> path_;
     BodyColours colours_;
 };

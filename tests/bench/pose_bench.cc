@@ -75,10 +75,9 @@ void move_arm(benchmark::State& state) {
     }
     BodyColours colours;
     colours.add(views, capsules);
-    PoseCost cost;
     for (auto _ : state) {
         ArmSearch search(*scene.model, posture_from_coordinates(scene.standing()), Limb::kArmL, views,
-                         colours, 0.04, cost);
+                         colours, PoseFitOptions{});
         search.improve(std::array{0.3}, 1);
         benchmark::DoNotOptimize(search.around(0.6));
     }

@@ -223,11 +223,10 @@ TEST_F(BodyColoursTest, ArmSearchFindsTheForearmBeforeTheTrunk) {
     const auto error = [&](const BodyPosture& posture, std::size_t joint) {
         return norm(scene_.model->forward(posture).joints_in_world[joint] - expected[joint]);
     };
-    PoseCost cost;
     for (const double angle : {-0.6, 0.6}) {
         const BodyPosture start = forearm_moved(truth, kForearmL, angle, 0.3);
         ASSERT_GT(error(start, kHand), 0.12);
-        ArmSearch search(*scene_.model, start, Limb::kArmL, views, colours, 0.04, cost);
+        ArmSearch search(*scene_.model, start, Limb::kArmL, views, colours, PoseFitOptions{});
         search.improve(std::array{0.6, 0.3, 0.15}, 4);
         EXPECT_GT(search.gain(), 0);
         EXPECT_LT(error(search.best().posture, kHand), 0.06) << angle;
@@ -250,10 +249,9 @@ TEST_F(BodyColoursTest, ArmSearchAnywhereFindsAnArmFarFromItsStart) {
     BodyPosture start = truth;
     for (const int s : {kUpperArmL, kForearmL, kHandL})
         start.parent_from_segment[s] = posture_from_coordinates(scene_.standing()).parent_from_segment[s];
-    PoseCost cost;
     LimbSearch limbs;
     constexpr std::array kAngles{0.6, 0.3, 0.15};
-    ArmSearch search(*scene_.model, start, Limb::kArmL, views, colours, 0.04, cost);
+    ArmSearch search(*scene_.model, start, Limb::kArmL, views, colours, PoseFitOptions{});
     search.improve(kAngles, 4);
     ASSERT_GT(error(search.best().posture), 0.3) << "near the start is no arm that the colours allow";
     search.improve_anywhere(limbs, kAngles, 4);
