@@ -48,10 +48,17 @@ void ArmSearch::improve(std::span<const double> angles, int max_moves) {
     best_ = descended(std::move(best_), angles, max_moves);
 }
 
-void ArmSearch::improve_anywhere(LimbSearch& limbs, std::span<const double> angles, int max_moves) {
-    const BodyPosture now = best_.posture;
-    for (const BodyPosture& start : limbs.plausible(model_, now, views_, which_, 2 * robust_m_)) {
-        MovedArm moved = descended(judge(start), angles, max_moves);
+void ArmSearch::improve_anywhere(LimbSearch& limbs, std::span<const double> angles, int max_moves,
+                                 std::size_t max_starts) {
+    std::vector<MovedArm> starts;
+    for (const BodyPosture& start : limbs.plausible(model_, best_.posture, views_, which_, 2 * robust_m_))
+        starts.push_back(judge(start));
+    if (starts.size() > max_starts) {
+        std::ranges::stable_sort(starts, {}, &MovedArm::total);
+        starts.resize(max_starts);
+    }
+    for (MovedArm& start : starts) {
+        MovedArm moved = descended(std::move(start), angles, max_moves);
         if (moved.total() < best_.total()) best_ = std::move(moved);
     }
 }

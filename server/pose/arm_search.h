@@ -2,6 +2,8 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -29,8 +31,10 @@ class ArmSearch {
 
     // Moves by each of these angles (rad), as often as the total falls, but at most `max_moves` times.
     void improve(std::span<const double> angles, int max_moves);
-    // The same from the arm's other configurations that the silhouettes allow.
-    void improve_anywhere(LimbSearch& limbs, std::span<const double> angles, int max_moves);
+    // The same from the arm's other configurations that the silhouettes allow; if there are more, from the
+    // `max_starts` cheapest.
+    void improve_anywhere(LimbSearch& limbs, std::span<const double> angles, int max_moves,
+                          std::size_t max_starts = std::numeric_limits<std::size_t>::max());
     // The best so far, and the decrease of its total.
     const MovedArm& best() const { return best_; }
     double gain() const { return before_ - best_.total(); }

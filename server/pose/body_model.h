@@ -49,6 +49,8 @@ BodyPosture stepped(const BodyPosture& posture, std::span<const double, kBodyDof
 // The step from `a` to `b`: stepped(a, step_between(a, b)) is b up to rounding (hinges: their angles'
 // difference).
 BodyStep step_between(const BodyPosture& a, const BodyPosture& b);
+// The posture after a fraction of that step: 0 is `a`, 1 is `b`, above 1 beyond it.
+BodyPosture between(const BodyPosture& a, const BodyPosture& b, double fraction);
 
 // A capsule of the surface: all points nearer to the segment a-b than a radius that goes linearly from
 // radius_a at a to radius_b at b. Plain floats, so that renderers need nothing else.

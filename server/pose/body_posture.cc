@@ -123,6 +123,12 @@ BodyStep step_between(const BodyPosture& a, const BodyPosture& b) {
     return step;
 }
 
+BodyPosture between(const BodyPosture& a, const BodyPosture& b, double fraction) {
+    BodyStep step = step_between(a, b);
+    for (double& s : step) s *= fraction;
+    return stepped(a, step);
+}
+
 Mat3 euler_rates(int segment, const Mat3& r) {
     BodyCoordinates q{};
     double* angles = q.data();

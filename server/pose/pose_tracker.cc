@@ -57,7 +57,8 @@ constexpr double kSame_m = 0.06;  // hypotheses with a smaller mean joint distan
 
 constexpr std::array<Limb, 2> kLimbsOfArms{Limb::kArmL, Limb::kArmR};
 constexpr double kDoubtfulMove_rad = 0.6;  // of move_arms(), as is the next line
-constexpr std::array<double, 3> kArmMoves_rad{0.3, 0.15, 0.6};
+constexpr std::array<double, 3> kArmMoves_rad{0.3, 0.15, 0.6}, kFallingArmMoves_rad{0.6, 0.3, 0.15};
+constexpr std::size_t kArmStarts = 3;                                  // of a search anywhere
 constexpr std::size_t kStartCount = 3, kWorkspaces = kStartCount + 1;  // of try_other_starts()
 
 // A weight per reference interval as the weight over `seconds`.
@@ -343,15 +344,27 @@ bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
     return is_exchanged;
 }
 
-// Colours show where an arm before the trunk is, silhouettes hardly. One arm and one angle per frame set.
-// What an arm that is elsewhere costs is part of the result's uncertainty.
+// Colours show where an arm before the trunk is, silhouettes hardly. Both arms are moved, and one is searched
+// anywhere. In a recording retrack() does so, and a pass moves one arm by one angle.
 void PoseTracker::move_arms(Hypothesis& h, std::span<const SilhouetteRays> views) {
     const std::size_t arm = next_move_ % kLimbsOfArms.size();
-    const std::span angle(&kArmMoves_rad[next_move_ / kLimbsOfArms.size() % kArmMoves_rad.size()], 1);
+    const std::size_t angle = next_move_ / kLimbsOfArms.size() % kArmMoves_rad.size();
     ++next_move_;
+    if (options_.always_search_limbs)
+        move_arm(h, views, arm, std::span(kArmMoves_rad).subspan(angle, 1), 1, 0);
+    else
+        for (const bool anywhere : {true, false})
+            move_arm(h, views, anywhere ? arm : (arm + 1) % kLimbsOfArms.size(), kFallingArmMoves_rad, 2,
+                     anywhere ? kArmStarts : 0);
+}
+
+// What an arm that is elsewhere costs is part of the result's uncertainty.
+void PoseTracker::move_arm(Hypothesis& h, std::span<const SilhouetteRays> views, std::size_t arm,
+                           std::span<const double> angles, int max_moves, std::size_t starts) {
     ArmSearch search(*model_, h.posture, kLimbsOfArms[arm], views, *colours_, options_.fit);
-    search.improve(angle, 1);
-    if (search.gain() >= kBetter) {
+    search.improve(angles, max_moves);
+    if (starts > 0) search.improve_anywhere(workspaces_.front().limbs, angles, max_moves, starts);
+    if (search.gain() >= (options_.always_search_limbs ? kBetter : kClearlyBetter)) {
         const BodyPosture before = std::exchange(h.posture, search.best().posture);
         h.fit.posture = h.posture;
         if (max_joint_distance(model_->forward(before).joints_in_world,

@@ -108,6 +108,9 @@ class PoseTracker {
                    const std::optional<BodyPosture>& moved, double gain);
     static void replace(Hypothesis& hypothesis, PoseFit fit);
     void move_arms(Hypothesis& hypothesis, std::span<const SilhouetteRays> views);
+    // Where `starts` is not 0, also from this number of its other configurations.
+    void move_arm(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, std::size_t arm,
+                  std::span<const double> angles, int max_moves, std::size_t starts);
     double colour_cost(std::span<const SilhouetteRays> views, const BodyPosture& posture) const {
         return colours_ ? colours_->cost(views, *model_, posture) : 0;
     }

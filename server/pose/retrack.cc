@@ -51,12 +51,6 @@ std::array<std::size_t, 2> joints_of(const LimbSegments& limb) {
     return {origin_joint(limb.lower), origin_joint(limb.end)};
 }
 
-BodyPosture between(const BodyPosture& a, const BodyPosture& b, double fraction) {
-    BodyStep step = step_between(a, b);
-    for (double& s : step) s *= fraction;
-    return stepped(a, step);
-}
-
 // The candidate postures of a recording and the path through them.
 class Recording {
   public:
@@ -65,7 +59,8 @@ class Recording {
           options_(options),
           stop_(std::move(stop)),
           model_(options.body),
-          frames_(frames.size()) {
+          frames_(frames.size()),
+          arms_moved_(frames.size()) {
         double last_s = -std::numeric_limits<double>::infinity();
         for (std::size_t n = 0; n < frames.size(); ++n) {
             if (!frames[n].seen) continue;
@@ -144,7 +139,6 @@ class Recording {
     // candidates, and searches them anywhere in the silhouettes.
     void move_arms() {
         std::vector<std::vector<PathCandidate>> found(frames_.size());
-        arms_moved_.resize(frames_.size());
         each([&](std::size_t n) {
             if (shows_others(n)) return;
             PoseCost cost(options_.tracker.fit.cost);

@@ -254,6 +254,9 @@ TEST_F(BodyColoursTest, ArmSearchAnywhereFindsAnArmFarFromItsStart) {
     ArmSearch search(*scene_.model, start, Limb::kArmL, views, colours, PoseFitOptions{});
     search.improve(kAngles, 4);
     ASSERT_GT(error(search.best().posture), 0.3) << "near the start is no arm that the colours allow";
+    ArmSearch from_few = search;
+    from_few.improve_anywhere(limbs, kAngles, 4, 3);
+    EXPECT_LT(error(from_few.best().posture), 0.03);
     search.improve_anywhere(limbs, kAngles, 4);
     EXPECT_LT(error(search.best().posture), 0.03);
 }
