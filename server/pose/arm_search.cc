@@ -1,7 +1,6 @@
 #include "server/pose/arm_search.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "server/pose/turned_posture.h"
 
@@ -37,15 +36,15 @@ MovedArm ArmSearch::descended(MovedArm from, std::span<const double> angles, int
     for (const double angle : angles)
         for (int n = 0; n < max_moves; ++n) {
             std::array<MovedArm, 6> tried = around(from.posture, angle);
-            MovedArm& cheapest = *std::ranges::min_element(tried, {}, &MovedArm::total);
+            const MovedArm& cheapest = *std::ranges::min_element(tried, {}, &MovedArm::total);
             if (cheapest.total() >= from.total()) break;
-            from = std::move(cheapest);
+            from = cheapest;
         }
     return from;
 }
 
 void ArmSearch::improve(std::span<const double> angles, int max_moves) {
-    best_ = descended(std::move(best_), angles, max_moves);
+    best_ = descended(best_, angles, max_moves);
 }
 
 void ArmSearch::improve_anywhere(LimbSearch& limbs, std::span<const double> angles, int max_moves,
@@ -57,9 +56,9 @@ void ArmSearch::improve_anywhere(LimbSearch& limbs, std::span<const double> angl
         std::ranges::stable_sort(starts, {}, &MovedArm::total);
         starts.resize(max_starts);
     }
-    for (MovedArm& start : starts) {
-        MovedArm moved = descended(std::move(start), angles, max_moves);
-        if (moved.total() < best_.total()) best_ = std::move(moved);
+    for (const MovedArm& start : starts) {
+        const MovedArm moved = descended(start, angles, max_moves);
+        if (moved.total() < best_.total()) best_ = moved;
     }
 }
 
