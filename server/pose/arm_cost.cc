@@ -1,5 +1,7 @@
 #include "server/pose/arm_cost.h"
 
+#include <optional>
+
 namespace kinevox {
 
 ArmCost::ArmCost(const PoseCostOptions& options, const BodyModel& model, const BodyPosture& posture,

@@ -1,7 +1,6 @@
 // The cost of postures that differ in one arm alone: what the rest of the body costs is computed once.
 #pragma once
 
-#include <optional>
 #include <span>
 #include <vector>
 
