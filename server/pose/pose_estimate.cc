@@ -65,18 +65,19 @@ double model_std_m(std::string_view joint) {
         std::string_view name;
         double std_m;
     };
-    constexpr Entry kEntries[] = {{"root", 0.005},     {"sacroiliac", 0.007}, {"skullbase", 0.005},
-                                  {"head_top", 0.022}, {"shoulder", 0.011},   {"elbow", 0.011},
-                                  {"wrist", 0.012},    {"hand", 0.013},       {"hip", 0.008},
-                                  {"knee", 0.006},     {"ankle", 0.006},      {"toe", 0.015}};
+    constexpr Entry kEntries[] = {{"root", 0.003},     {"sacroiliac", 0.005}, {"skullbase", 0.005},
+                                  {"head_top", 0.022}, {"shoulder", 0.010},   {"elbow", 0.0085},
+                                  {"wrist", 0.0065},   {"hand", 0.007},       {"hip", 0.006},
+                                  {"knee", 0.006},     {"ankle", 0.0045},     {"toe", 0.0135}};
     for (const Entry& entry : kEntries)
         if (joint.starts_with(entry.name)) return entry.std_m;
     return 0;
 }
 // Error of a joint by a body that is not the subject's, relative to EstimateOptions::body_std_m: too tall a
-// body bends its neck to stay within the silhouettes.
+// body bends its neck to stay within the silhouettes, and its hips are too high.
 double of_other_body(std::string_view joint) {
-    return joint == "head_top" ? 2 : 1;
+    if (joint == "head_top") return 2.4;
+    return joint == "skullbase" || joint.starts_with("hip") ? 1.4 : 1;
 }
 // Angles in the order of kJointAngleNames, rad: each side's knee, elbow, hip flexion and abduction, shoulder,
 // and the trunk.
@@ -121,6 +122,8 @@ struct Weights {
     double data, ambiguity, doubtful_ambiguity;
 };
 constexpr Weights kOfJoints{0.46, 0.3, 2.6}, kOfAngles{0.48, 0.57, 1.23};
+// Rare large errors raise the maximum likelihood's joint variances: usually errors are this fraction of them.
+constexpr double kUsualError = 0.75;
 constexpr double kOfOwnMisfit = 0.27, kOfAllMisfit = 0.04, kOfParentMisfit = 0.09, kParentMisfit_m2 = 0.0009,
                  kOfRootMisfit = 0.07;
 // Beyond this the silhouettes do not determine a value, whatever their misfit (m and rad).
@@ -336,11 +339,13 @@ void judge_joints(const JointJacobian& jacobian, const Evidence& of, int cameras
         JointEstimate& joint = out.joints[j];
         const int parent = kBodyParent[segment];
         const double own = of.misfit.segment[segment], above = of.misfit.segment[std::max(parent, 0)];
-        joint.std_m = combined_std(
+        const double usual =
             data_variance((rows * of.covariance * rows.transpose()).trace() / 3, of.misfit, kOfJoints) +
-                ambiguity_variance(of.others.joint_m2[j], own, kOfJoints) + of.gross_m2[j] +
-                kOfOwnMisfit * own + kOfAllMisfit * of.misfit.all +
-                kOfParentMisfit * above * above / kParentMisfit_m2,
+            kOfOwnMisfit * own + kOfAllMisfit * of.misfit.all +
+            kOfParentMisfit * above * above / kParentMisfit_m2;
+        joint.std_m = combined_std(
+            kUsualError * kUsualError * usual + ambiguity_variance(of.others.joint_m2[j], own, kOfJoints) +
+                of.gross_m2[j],
             std::hypot(model_std_m(kJointNames[j]), of_other_body(kJointNames[j]) * options.body_std_m));
         const CameraSet set = parent >= 0 ? of.support[segment] | of.support[parent] : of.support[segment];
         joint.camera_count = static_cast<int>(set.count());

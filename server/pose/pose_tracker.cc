@@ -53,7 +53,14 @@ constexpr double kPairSeconds = 1;
 constexpr double kTurnInterval_s = 0.15, kTurnMemory = 0.85, kTurnEvidence = 60;
 // A mirrored elbow is fitted unless it costs more by this before the fit.
 constexpr double kMirroredSlack = 10;
-constexpr double kSame_m = 0.06;  // hypotheses with a smaller mean joint distance are merged
+// Live, a fit from another start that costs less than this more is another reading of the silhouettes.
+constexpr double kConceivable = 60;
+// Live, a pose is searched from the beginning if the searches of limbs leave so much less explained than
+// usual, and this number of a camera's rays unexplained.
+constexpr double kDoubtfulFraction = 0.08;
+constexpr int kDoubtfulRays = 15;
+constexpr double kDoubtInterval_s = 0.3;  // after a search in vain
+constexpr double kSame_m = 0.06;          // hypotheses with a smaller mean joint distance are merged
 
 constexpr std::array<Limb, 2> kLimbsOfArms{Limb::kArmL, Limb::kArmR};
 constexpr double kDoubtfulMove_rad = 0.6;  // of move_arms(), as is the next line
@@ -114,8 +121,9 @@ void PoseTracker::in_parallel(std::size_t count, const F& body) {
         oneapi::tbb::simple_partitioner());
 }
 
-void PoseTracker::begin(std::span<const SilhouetteRays> views, Vec3 centre,
-                        std::span<const PoseCandidate> candidates) {
+// From the candidates and the key poses at that centre, in all directions; the cheapest first.
+std::vector<PoseTracker::Hypothesis> PoseTracker::found_at(Vec3 centre, std::span<const SilhouetteRays> views,
+                                                           std::span<const PoseCandidate> candidates) {
     std::vector<BodyPosture> postures;
     const auto add = [&](const BodyCoordinates& q) {
         postures.push_back(posture_from_coordinates(centred(*model_, q, centre)));
@@ -136,14 +144,20 @@ void PoseTracker::begin(std::span<const SilhouetteRays> views, Vec3 centre,
     std::stable_sort(order.begin(), order.end(),
                      [&](std::size_t a, std::size_t b) { return costs[a] < costs[b]; });
     order.resize(std::min(order.size(), static_cast<std::size_t>(options_.starts)));
-    hypotheses_.assign(order.size(), Hypothesis());
+    std::vector<Hypothesis> found(order.size());
     in_parallel(order.size(), [&](Workspace& work, std::size_t n) {
-        Hypothesis& h = hypotheses_[n];
+        Hypothesis& h = found[n];
         h.fit = work.fitter.fit(*model_, views, postures[order[n]], nullptr, true);
         h.fit = work.fitter.fit(*model_, views, h.fit.posture, nullptr, true);
         h.posture = h.fit.posture;
         h.cost = h.fit.at.cost;
     });
+    return found;
+}
+
+void PoseTracker::begin(std::span<const SilhouetteRays> views, Vec3 centre,
+                        std::span<const PoseCandidate> candidates) {
+    hypotheses_ = found_at(centre, views, candidates);
     choose();
     if (!options_.search_at_start) return;
     in_parallel(hypotheses_.size(), [&](Workspace& work, std::size_t n) {
@@ -293,7 +307,9 @@ void PoseTracker::follow(Hypothesis& h, std::span<const SilhouetteRays> views, d
     h.free.reset();
     h.fit = workspaces_.front().fitter.fit(*model_, views, prior.expected, &prior,
                                            searches_fully(seconds) || !shows_others(views));
-    if (try_other_starts(h, views, prior.expected.root_in_world)) {
+    BodyPosture carried = h.posture;
+    carried.root_in_world = prior.expected.root_in_world;
+    if (try_other_starts(h, views, carried)) {
         h.rate = {};  // its motion so far was that of another posture
     } else {
         const BodyStep moved = step_between(h.posture, h.fit.posture);
@@ -307,14 +323,13 @@ void PoseTracker::follow(Hypothesis& h, std::span<const SilhouetteRays> views, d
     h.seconds += seconds;
 }
 
-// Fits without the prior from the posture before, moved along, since a limb that reversed its motion is far
+// Fits without the prior from the posture before, carried along, since a limb that reversed its motion is far
 // from where its rate leads, and with left and right limbs exchanged, which passed each other. True: these
 // replaced the fit.
-bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays> views, Vec3 root_in_world) {
+bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays> views,
+                                   const BodyPosture& carried) {
     const bool beside_others = shows_others(views);  // whose silhouettes explain a limb anywhere
-    BodyPosture moved = h.posture;
-    moved.root_in_world = root_in_world;
-    const std::array<BodyPosture, kStartCount> starts{moved, exchanged(h.fit.posture, kArmSegments),
+    const std::array<BodyPosture, kStartCount> starts{carried, exchanged(h.fit.posture, kArmSegments),
                                                       exchanged(h.fit.posture, kLegSegments)};
     const JointPositions known = model_->forward(h.fit.posture).joints_in_world;
     std::array<std::optional<PoseFit>, kStartCount> found;
@@ -335,7 +350,10 @@ bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
         const double gain = k == 0 && !beside_others ? kBetter : kClearlyBetter;
         if (!found[k]) continue;
         const double other = found[k]->at.cost + colour_cost(views, found[k]->posture);
-        if (other + gain >= cost) continue;
+        if (other + gain >= cost) {
+            if (is_live() && other < cost + kConceivable) h.replaced.push_back(found[k]->posture);
+            continue;
+        }
         cost = other;
         h.replaced.push_back(h.fit.posture);
         h.fit = *std::move(found[k]);
@@ -350,12 +368,12 @@ void PoseTracker::move_arms(Hypothesis& h, std::span<const SilhouetteRays> views
     const std::size_t arm = next_move_ % kLimbsOfArms.size();
     const std::size_t angle = next_move_ / kLimbsOfArms.size() % kArmMoves_rad.size();
     ++next_move_;
-    if (options_.always_search_limbs)
-        move_arm(h, views, arm, std::span(kArmMoves_rad).subspan(angle, 1), 1, 0);
-    else
+    if (is_live())
         for (const bool anywhere : {true, false})
             move_arm(h, views, anywhere ? arm : (arm + 1) % kLimbsOfArms.size(), kFallingArmMoves_rad, 2,
                      anywhere ? kArmStarts : 0);
+    else
+        move_arm(h, views, arm, std::span(kArmMoves_rad).subspan(angle, 1), 1, 0);
 }
 
 // What an arm that is elsewhere costs is part of the result's uncertainty.
@@ -364,7 +382,7 @@ void PoseTracker::move_arm(Hypothesis& h, std::span<const SilhouetteRays> views,
     ArmSearch search(*model_, h.posture, kLimbsOfArms[arm], views, *colours_, options_.fit);
     search.improve(angles, max_moves);
     if (starts > 0) search.improve_anywhere(workspaces_.front().limbs, angles, max_moves, starts);
-    if (search.gain() >= (options_.always_search_limbs ? kBetter : kClearlyBetter)) {
+    if (search.gain() >= (is_live() ? kClearlyBetter : kBetter)) {
         const BodyPosture before = std::exchange(h.posture, search.best().posture);
         h.fit.posture = h.posture;
         if (max_joint_distance(model_->forward(before).joints_in_world,
@@ -395,6 +413,24 @@ void PoseTracker::check_turned(Hypothesis& h, std::span<const SilhouetteRays> vi
     try_moved(work, h, views, straight, kBetter);
     search_all(work, h, views);
     usual_explained_ = 0;
+}
+
+// Where limbs that no search finds leave much of the contour unexplained, the trunk is wrong, too.
+void PoseTracker::check_doubtful(Hypothesis& h, std::span<const SilhouetteRays> views, Vec3 centre,
+                                 double seconds) {
+    doubt_wait_s_ -= seconds;
+    if (doubt_wait_s_ > 0 || shows_others(views) || h.fit.unexplained < kDoubtfulRays ||
+        h.fit.explained >= usual_explained_ - kDoubtfulFraction)
+        return;
+    std::vector<Hypothesis> found = found_at(centre, views, {});
+    const auto best = std::ranges::min_element(found, {}, &Hypothesis::cost);
+    Workspace& work = workspaces_.front();
+    if (best->cost + kClearlyBetter > free_fit(work, h, views, h.posture).cost) {
+        doubt_wait_s_ = kDoubtInterval_s;
+        return;
+    }
+    replace(h, std::move(best->fit));
+    search_all(work, h, views);
 }
 
 void PoseTracker::choose() {
@@ -446,7 +482,7 @@ void PoseTracker::search_next(Hypothesis& h, std::span<const SilhouetteRays> vie
     const auto& [first, second] = kLimbPairs[next_pair_];
     search_pair(work, h, views, first, second);
     next_pair_ = (next_pair_ + 1) % kLimbPairs.size();
-    intervals_to_pair_ = options_.always_search_limbs ? kFrequentPairIntervals : kPairIntervals;
+    intervals_to_pair_ = is_live() ? kPairIntervals : kFrequentPairIntervals;
 }
 
 std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::span<const SilhouetteRays> views,
@@ -468,28 +504,35 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
         lost_s_ = usual_explained_ = 0;
         usual_unexplained_ = hypotheses_.front().fit.unexplained;
         usual_interval_s_ = seconds;
-        turn_wait_s_ = kTurnInterval_s, turn_evidence_ = 0;
+        turn_wait_s_ = kTurnInterval_s, turn_evidence_ = doubt_wait_s_ = 0;
     } else {
         for (Hypothesis& h : hypotheses_) follow(h, views, seconds);
         // A search of a whole limb takes as long as several fits: it runs only if less is explained than
         // usual for this subject.
         const double explained = hypotheses_.front().fit.explained;
         usual_explained_ = std::max(kept(kUsualMemory, seconds) * usual_explained_, explained);
-        const double enough = options_.always_search_limbs
-                                  ? options_.search_explained_fraction
-                                  : std::min(options_.search_explained_fraction, usual_explained_ - kPoorer);
+        const double enough = is_live()
+                                  ? std::min(options_.search_explained_fraction, usual_explained_ - kPoorer)
+                                  : options_.search_explained_fraction;
         intervals_to_pair_ -= reference_intervals(seconds);
         Hypothesis& best = hypotheses_.front();
-        const bool protrudes =
-            !options_.always_search_limbs && best.fit.unexplained >= usual_unexplained_ + kProtruding;
+        const bool protrudes = is_live() && best.fit.unexplained >= usual_unexplained_ + kProtruding;
         usual_unexplained_ = std::min<double>(
             usual_unexplained_ + kProtrudingRise * reference_intervals(seconds), best.fit.unexplained);
+        const std::size_t replaced_before = best.replaced.size();
         if (searches_fully(seconds) || std::exchange(model_changed_, false)) {
             search_all(workspaces_.front(), best, views);
         } else if (!protrudes) {
             search_next(best, views, explained < enough);
         } else if (!search_protruding(best, views)) {
             usual_unexplained_ += kProtrudingRiseInVain * (best.fit.unexplained - usual_unexplained_);
+        }
+        if (is_live()) {
+            if (best.replaced.size() > replaced_before) {  // what was found may have left and right exchanged
+                try_other_starts(best, views, best.posture);
+                best.posture = best.fit.posture;
+            }
+            check_doubtful(best, views, centre, seconds);
         }
         check_turned(best, views, seconds);
         if (colours_ && !shows_others(views)) move_arms(best, views);

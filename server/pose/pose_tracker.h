@@ -86,10 +86,17 @@ class PoseTracker {
 
     template <typename F>
     void in_parallel(std::size_t count, const F& body);
+    std::vector<Hypothesis> found_at(Vec3 centre, std::span<const SilhouetteRays> views,
+                                     std::span<const PoseCandidate> candidates);
     void begin(std::span<const SilhouetteRays> views, Vec3 centre, std::span<const PoseCandidate> candidates);
+    void check_doubtful(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Vec3 centre,
+                        double seconds);
+    // Otherwise a pass over a recording, whose postures retrack() examines again.
+    bool is_live() const { return !options_.always_search_limbs; }
     bool searches_fully(double seconds) const;
     void follow(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, double seconds);
-    bool try_other_starts(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, Vec3 root_in_world);
+    bool try_other_starts(Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
+                          const BodyPosture& carried);
     void search_limb(Workspace& work, Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
                      Limb limb, LimbSearchScope scope);
     void try_mirrored_elbow(Workspace& work, Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
@@ -132,6 +139,7 @@ class PoseTracker {
     double usual_unexplained_ = 0;  // see PoseFit::unexplained
     double usual_interval_s_ = 0;
     double turn_wait_s_ = 0, turn_evidence_ = 0;  // of check_turned()
+    double doubt_wait_s_ = 0;                     // of check_doubtful()
     std::vector<Hypothesis> hypotheses_;          // the best one first
     std::int64_t last_time_ns_ = 0;
     double lost_s_ = 0;

@@ -306,6 +306,25 @@ TEST(PoseTracker, FindsArmAndLegThatMovedFarWhileFrameSetsWereLost) {
     EXPECT_LT(scene.error_m(tracked->fit.posture, truth), 0.03);
 }
 
+// Searches of limbs alone do not find them. The processor is too slow for all frame sets, so there is no
+// search of everything either.
+TEST(PoseTracker, FindsBodyThatTurnsAndLungesWhileMostFrameSetsAreLost) {
+    const Scene scene;
+    PoseTracker tracker(30);
+    tracker.set_model(scene.model);
+    BodyCoordinates truth = scene.standing();
+    for (int n = 0; n < 12; ++n) {
+        if (n == 10) {
+            truth[5] += radians(110), truth[2] -= 0.15;
+            truth[kDofHipR] = radians(80), truth[kDofKneeR] = radians(70), truth[kDofHipL] = radians(-20);
+            truth[kDofShoulderR] = radians(100), truth[kDofShoulderL] = radians(-40);
+        }
+        const auto tracked = tracker.update(n * 180'000'000LL, scene.see(truth), {0, 0, 0.9}, {});
+        ASSERT_TRUE(tracked.has_value()) << "frame set " << n;
+        EXPECT_LT(scene.error_m(tracked->fit.posture, truth), 0.03) << "frame set " << n;
+    }
+}
+
 TEST(Retrack, FollowsLimbsThatMoveFarBetweenFrameSets) {
     const Scene scene;
     constexpr double kFps = 10;
@@ -475,8 +494,8 @@ TEST(PoseEstimate, StatesErrorOfModelWhereSilhouettesFit) {
     const Scene scene;
     const BodyPose pose = judged(scene, posture_from_coordinates(scene.standing()), {});
     const auto std_m = [&](const char* joint) { return pose.joints[*joint_index(joint)].std_m; };
-    EXPECT_GT(std_m("wrist_l"), 0.012);
-    EXPECT_GT(std_m("toe_r"), 0.015);
+    EXPECT_GT(std_m("wrist_l"), 0.0065);
+    EXPECT_GT(std_m("toe_r"), 0.0135);
     for (std::size_t j = 0; j < pose.joints.size(); ++j)
         EXPECT_LT(pose.joints[j].std_m, 0.03) << kJointNames[j];
 }
