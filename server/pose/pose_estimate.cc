@@ -65,10 +65,10 @@ double model_std_m(std::string_view joint) {
         std::string_view name;
         double std_m;
     };
-    constexpr Entry kEntries[] = {{"root", 0.003},     {"sacroiliac", 0.005}, {"skullbase", 0.005},
-                                  {"head_top", 0.022}, {"shoulder", 0.010},   {"elbow", 0.0085},
-                                  {"wrist", 0.0065},   {"hand", 0.007},       {"hip", 0.006},
-                                  {"knee", 0.006},     {"ankle", 0.0045},     {"toe", 0.0135}};
+    constexpr Entry kEntries[] = {{"root", 0.003},     {"sacroiliac", 0.005}, {"skullbase", 0.0055},
+                                  {"head_top", 0.024}, {"shoulder", 0.0115},  {"elbow", 0.009},
+                                  {"wrist", 0.0065},   {"hand", 0.007},       {"hip", 0.008},
+                                  {"knee", 0.006},     {"ankle", 0.0045},     {"toe", 0.0145}};
     for (const Entry& entry : kEntries)
         if (joint.starts_with(entry.name)) return entry.std_m;
     return 0;
@@ -123,7 +123,7 @@ struct Weights {
 };
 constexpr Weights kOfJoints{0.46, 0.3, 2.6}, kOfAngles{0.48, 0.57, 1.23};
 // Rare large errors raise the maximum likelihood's joint variances: usually errors are this fraction of them.
-constexpr double kUsualError = 0.75;
+constexpr double kUsualError = 0.8;
 constexpr double kOfOwnMisfit = 0.27, kOfAllMisfit = 0.04, kOfParentMisfit = 0.09, kParentMisfit_m2 = 0.0009,
                  kOfRootMisfit = 0.07;
 // Beyond this the silhouettes do not determine a value, whatever their misfit (m and rad).

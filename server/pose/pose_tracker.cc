@@ -54,7 +54,7 @@ constexpr double kTurnInterval_s = 0.15, kTurnMemory = 0.85, kTurnEvidence = 60;
 // A mirrored elbow is fitted unless it costs more by this before the fit.
 constexpr double kMirroredSlack = 10;
 // Live, a fit from another start that costs less than this more is another reading of the silhouettes.
-constexpr double kConceivable = 60;
+constexpr double kConceivable = 36;
 // Live, a pose is searched from the beginning if the searches of limbs leave so much less explained than
 // usual, and this number of a camera's rays unexplained.
 constexpr double kDoubtfulFraction = 0.08;
@@ -351,7 +351,7 @@ bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
         if (!found[k]) continue;
         const double other = found[k]->at.cost + colour_cost(views, found[k]->posture);
         if (other + gain >= cost) {
-            if (is_live() && other < cost + kConceivable) h.replaced.push_back(found[k]->posture);
+            if (is_live() && k > 0 && other < cost + kConceivable) h.replaced.push_back(found[k]->posture);
             continue;
         }
         cost = other;
