@@ -122,7 +122,7 @@ struct Weights {
     double data, ambiguity, doubtful_ambiguity;
 };
 constexpr Weights kOfJoints{0.46, 0.3, 2.6}, kOfAngles{0.48, 0.57, 1.23};
-// Rare large errors raise the maximum likelihood's joint variances: usually errors are this fraction of them.
+// Rare large errors raise these variances of joints: of usual errors the standard deviation is this fraction.
 constexpr double kUsualError = 0.8;
 constexpr double kOfOwnMisfit = 0.27, kOfAllMisfit = 0.04, kOfParentMisfit = 0.09, kParentMisfit_m2 = 0.0009,
                  kOfRootMisfit = 0.07;

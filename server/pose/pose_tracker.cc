@@ -121,7 +121,7 @@ void PoseTracker::in_parallel(std::size_t count, const F& body) {
         oneapi::tbb::simple_partitioner());
 }
 
-// From the candidates and the key poses at that centre, in all directions; the cheapest first.
+// Fits from those of the candidates and the key poses, at that centre and in all directions, that cost least.
 std::vector<PoseTracker::Hypothesis> PoseTracker::found_at(Vec3 centre, std::span<const SilhouetteRays> views,
                                                            std::span<const PoseCandidate> candidates) {
     std::vector<BodyPosture> postures;

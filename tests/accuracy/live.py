@@ -9,7 +9,7 @@ The daemon captures each sequence as fast as it can and records its poses, which
 session. Columns as in rates.py, "x" is the error over that of `process`. --body: fitted as `kinevox process` found it, the
 default of an average adult, or fitted by the daemon to its first seconds, which takes time: use --pacing real_time.
 --spans 2,5: further rows for the time before 2 s, from there to 5 s, and after. --repeat 3: of three captures, the one with the
-median error; in real time results depend on what else the machine does. --scene renders scenes/NAME.toml and captures
+median error (--work keeps the last); in real time results depend on what else the machine does. --scene renders scenes/NAME.toml and captures
 that instead; --folders are others with session.toml and truth/, such as the trials that `sweep.py --keep` leaves (their
 results/ are those of `kinevox process`). --tables has the results of `kinevox process`, of sequences.py with the same option. Exit status 77 without the
 shared test data."""
