@@ -65,7 +65,8 @@ constexpr double kSame_m = 0.06;          // hypotheses with a smaller mean join
 constexpr std::array<Limb, 2> kLimbsOfArms{Limb::kArmL, Limb::kArmR};
 constexpr double kDoubtfulMove_rad = 0.6;  // of move_arms(), as is the next line
 constexpr std::array<double, 3> kArmMoves_rad{0.3, 0.15, 0.6}, kFallingArmMoves_rad{0.6, 0.3, 0.15};
-constexpr std::size_t kArmStarts = 3;                                  // of a search anywhere
+constexpr std::size_t kArmStarts = 3;       // of a search anywhere
+constexpr std::size_t kFirstArmStarts = 6;  // of that of a pose that was just found
 constexpr std::size_t kStartCount = 3, kWorkspaces = kStartCount + 1;  // of try_other_starts()
 
 // A weight per reference interval as the weight over `seconds`.
@@ -165,6 +166,10 @@ void PoseTracker::begin(std::span<const SilhouetteRays> views, Vec3 centre,
         for (int round = 0; round < 2; ++round)
             for (const Limb limb : kLimbs) search_limb(work, h, views, limb, LimbSearchScope::kWhole);
         for (const auto& [first, second] : kLimbPairs) search_pair(work, h, views, first, second);
+        // No key pose may have this arm or this leg in front.
+        for (const LimbSegmentPairs& limbs : {kArmSegments, kLegSegments})
+            try_moved(work, h, views, exchanged(h.posture, limbs), kBetter);
+        for (const Limb arm : kLimbsOfArms) try_arm_elsewhere(work, h, views, arm);
         h.cost = h.fit.at.cost;
     });
     choose();
@@ -193,6 +198,16 @@ void PoseTracker::try_mirrored_elbow(Workspace& work, Hypothesis& h, std::span<c
     const bool better_twist =
         std::abs(upper_arm_twist(mirrored, upper_arm)) < std::abs(upper_arm_twist(h.posture, upper_arm));
     try_moved(work, h, views, mirrored, better_twist ? kBetter : kClearlyBetter);
+}
+
+// A search proposes the cheapest of coarse configurations: where an arm may hide before the trunk, none that
+// hangs beside it.
+void PoseTracker::try_arm_elsewhere(Workspace& work, Hypothesis& h, std::span<const SilhouetteRays> views,
+                                    Limb arm) {
+    const std::vector<BodyPosture> starts =
+        work.limbs.plausible(*model_, h.posture, views, arm, 2 * options_.fit.narrow_m);
+    for (const BodyPosture& start : std::span(starts).first(std::min(starts.size(), kFirstArmStarts)))
+        try_moved(work, h, views, start, kBetter);
 }
 
 void PoseTracker::search_pair(Workspace& work, Hypothesis& h, std::span<const SilhouetteRays> views,

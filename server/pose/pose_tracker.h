@@ -101,6 +101,8 @@ class PoseTracker {
                      Limb limb, LimbSearchScope scope);
     void try_mirrored_elbow(Workspace& work, Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
                             Limb arm);
+    void try_arm_elsewhere(Workspace& work, Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
+                           Limb arm);
     void search_pair(Workspace& work, Hypothesis& hypothesis, std::span<const SilhouetteRays> views,
                      Limb first, Limb second);
     void search_all(Workspace& work, Hypothesis& hypothesis, std::span<const SilhouetteRays> views);

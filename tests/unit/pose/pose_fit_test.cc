@@ -1,4 +1,6 @@
 // The pose fit on silhouettes rendered from the model.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -6,6 +8,7 @@
 #include <cmath>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "common/geometry.h"
@@ -237,6 +240,30 @@ TEST(PoseTracker, FindsLyingBodyWithoutPrior) {
         ASSERT_TRUE(tracked.has_value());
         EXPECT_LT(scene.error_m(tracked->fit.posture, truth), 0.07) << "tilt " << tilt;
     }
+}
+
+// One arm forward and one backward or beside the trunk, where neither covers much of the silhouettes' border.
+TEST(PoseTracker, FindsArmsInFirstFrameSet) {
+    const Scene scene;
+    std::vector<std::string> wrong;
+    for (const double forward : {30.0, 60.0, 90.0})
+        for (const double other : {-40.0, -20.0, 0.0})
+            for (const double elbow : {5.0, 40.0, 90.0})
+                for (const bool left : {false, true}) {
+                    BodyCoordinates truth = scene.standing();
+                    truth[kDofShoulderL + 1] = 0;
+                    truth[kDofShoulderL] = radians(left ? forward : other);
+                    truth[kDofShoulderR] = radians(left ? other : forward);
+                    truth[kDofElbowL] = truth[kDofElbowR] = radians(elbow);
+                    PoseTracker tracker(30);
+                    tracker.set_model(scene.model);
+                    const auto tracked = tracker.update(0, scene.see(truth), {0, 0, 0.95}, {});
+                    ASSERT_TRUE(tracked.has_value());
+                    if (scene.error_m(tracked->fit.posture, truth) > 0.03)
+                        wrong.push_back(fmt::format("{} arm {} deg forward, the other {}, elbows {}",
+                                                    left ? "left" : "right", forward, other, elbow));
+                }
+    EXPECT_LE(wrong.size(), 1u) << fmt::format("{}", fmt::join(wrong, "\n"));
 }
 
 TEST(PoseTracker, FollowsArmsThatMoveFarBetweenFrameSets) {
