@@ -1,10 +1,11 @@
 // live_probe CONFIG --seconds N: takes frame sets from the cameras of a daemon's configuration, without the
 // pipeline behind them, and prints what came as a line of JSON. With --pattern each image is compared, byte
-// by byte, with what the fake camera sent.
+// by byte, with what the fake camera sent. --until-complete and --until-error end it sooner.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <map>
@@ -38,25 +39,33 @@ int main(int argc, char** argv) {
     std::string file;
     double seconds = 10;
     bool pattern = false;
+    std::uint64_t until_complete = 0;
+    int until_error = 0;
     CLI::App app("Receives frame sets from live cameras and reports statistics", "live_probe");
     app.add_option("config", file, "kinevoxd.toml")->required();
     app.add_option("--seconds", seconds);
     app.add_flag("--pattern", pattern, "compare with the fake cameras' test pattern (Mono8)");
+    app.add_option("--until-complete", until_complete, "end after this many complete frame sets");
+    app.add_option("--until-error", until_error, "end when this camera, from 1, is reported as absent");
     CLI11_PARSE(app, argc, argv);
     const auto config = read_config(file);
     if (!config.ok()) return fmt::print(stderr, "live_probe: {}\n", config.status().ToString()), 1;
     auto source = open_live_source(config->source.cameras);
     if (!source.ok()) return fmt::print(stderr, "live_probe: {}\n", source.status().ToString()), 1;
     const Stopwatch running;
+    std::atomic<bool> seen_enough = false;
     std::mutex printing;
     (*source)->set_on_camera_event([&](const CameraEvent& event) {
         const std::scoped_lock lock(printing);
         fmt::print("{{\"event\": {}, \"camera\": {}, \"at_s\": {:.3f}, \"message\": \"{}\"}}\n",
                    static_cast<int>(event.kind), event.camera, running.seconds(), event.message);
         std::fflush(stdout);
+        if (static_cast<int>(event.camera) + 1 == until_error &&
+            event.kind == CameraEvent::Kind::kDisconnected)
+            seen_enough = true;
     });
     std::jthread clock([&](const std::stop_token& stop) {
-        while (!stop.stop_requested() && running.seconds() < seconds)
+        while (!stop.stop_requested() && !seen_enough && running.seconds() < seconds)
             std::this_thread::sleep_for(std::chrono::milliseconds(20));
         (*source)->stop();
     });
@@ -74,6 +83,7 @@ int main(int argc, char** argv) {
         last_s = now_s;
         ++sets;
         complete += std::ranges::none_of(set->images, &Image::empty);
+        if (complete == until_complete && until_complete > 0) seen_enough = true;
         if (pattern)
             for (const Image& image : set->images) wrong += !image.empty() && !is_as_sent(image);
     }
