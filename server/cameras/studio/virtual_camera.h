@@ -43,8 +43,10 @@ class Lens {
         if (k1_ != 0 || k2_ != 0 || k3_ != 0 || p1_ != 0 || p2_ != 0) {
             for (int i = 0; i < 12; ++i) {
                 const Vec3f d = distort(x, y);
-                x += xd - d.x;
-                y += yd - d.y;
+                const float next_x = x + (xd - d.x), next_y = y + (yd - d.y);
+                if (next_x == x && next_y == y) break;
+                x = next_x;
+                y = next_y;
             }
         }
         return normalized(world_from_camera_.direction({x, y, 1}));
