@@ -117,8 +117,18 @@ def check_sequence(tools, original, folder, frames):
     session = named_session(original, folder / NAME)
     cameras = [line.split('"')[1] for line in session.read_text().splitlines() if line.startswith(f'name = "{NAME}_')]
     results, anonymous = folder / f"{NAME}_results", folder / "anonymous"
+    # A second run would not be kept: these silhouettes lack nothing.
     done = run(
-        tools / "kinevox-process", session, "--out", results, "--frames", frames, "--save", "silhouettes", "--quiet"
+        tools / "kinevox-process",
+        session,
+        "--out",
+        results,
+        "--frames",
+        frames,
+        "--save",
+        "silhouettes",
+        "--single-run",
+        "--quiet",
     )
     check("process", done.returncode == 0, done.stderr.strip())
     done = run(tools / "kinevox-export", results, "--anonymous", "--out", anonymous, "--quiet")
