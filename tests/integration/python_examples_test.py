@@ -127,7 +127,8 @@ class SprintStart(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             # The runner is 6 % taller than the mean adult; the four seconds are over before the daemon has fitted the body.
             processed = Path(folder) / "processed"
-            subprocess.run([PROCESS, self.session, "--out", processed, "--quiet", "--no-colouring"], check=True)
+            command = [PROCESS, self.session, "--out", processed, "--quiet", "--no-colouring", "--single-run"]
+            subprocess.run(command, check=True)
             daemon = StudioDaemon(
                 DAEMON,
                 folder,
