@@ -121,6 +121,11 @@ BodyPosture OneEuroPosture::filter(const BodyPosture& measured, std::int64_t tim
     return *(last_ = stepped(predicted, step));
 }
 
+double applied_cutoff_hz(double cutoff_hz, double fps) {
+    constexpr double kMinSamplesPerPeriod = 3;
+    return fps < kMinSamplesPerPeriod * cutoff_hz ? 0 : cutoff_hz;
+}
+
 void smooth_zero_phase(std::vector<std::optional<BodyPosture>>& postures, double fps, double cutoff_hz) {
     const Biquad f = butterworth(fps, cutoff_hz);
     for (std::size_t begin = 0; begin < postures.size();) {

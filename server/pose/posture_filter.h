@@ -29,5 +29,8 @@ class OneEuroPosture {
 // recording. Absent postures stay absent; the runs between them are filtered separately, mirrored at their
 // ends.
 void smooth_zero_phase(std::vector<std::optional<BodyPosture>>& postures, double fps, double cutoff_hz);
+// The cutoff to use at a frame rate; 0: none. Few samples per period of it are not filtered: a fast limb
+// would leave its silhouettes.
+double applied_cutoff_hz(double cutoff_hz, double fps);
 
 }  // namespace kinevox

@@ -74,7 +74,8 @@ void declare(CLI::App& app, Arguments& arguments) {
         ->excludes("--body");
     app.add_flag("--single-run", options.single_run,
                  "Do not process the session again where silhouettes may lack parts of the subject");
-    app.add_option("--smooth-hz", options.poses.cutoff_hz, "Zero-phase low-pass cutoff (Hz; 0: off)")
+    app.add_option("--smooth-hz", options.poses.cutoff_hz,
+                   "Zero-phase low-pass cutoff (Hz; 0: off); needs a frame rate of three times the cutoff")
         ->check(CLI::Range(0.0, 1000.0))
         ->capture_default_str();
     app.add_option("--threads", arguments.threads, "Worker threads (0: one per core)")->capture_default_str();

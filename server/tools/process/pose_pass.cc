@@ -106,7 +106,8 @@ void PosePass::fit_and_retrack(Subject& subject, Pipeline& pipeline) const {
 std::vector<PoseRow> PosePass::rows_of(const Subject& subject) const {
     std::vector<std::optional<BodyPosture>> postures;
     for (const Frame& frame : subject.frames) postures.push_back(frame.posture);
-    if (options_.cutoff_hz > 0) smooth_zero_phase(postures, fps_, options_.cutoff_hz);
+    const double cutoff_hz = applied_cutoff_hz(options_.cutoff_hz, fps_);
+    if (cutoff_hz > 0) smooth_zero_phase(postures, fps_, cutoff_hz);
     const BodyModel model(subject.body.value_or(posing_.body));
     std::vector<PoseRow> rows;
     for (std::size_t n = 0; n < subject.frames.size(); ++n) {
@@ -114,7 +115,7 @@ std::vector<PoseRow> PosePass::rows_of(const Subject& subject) const {
         if (postures[n] && row.pose) {
             auto pose = std::make_shared<BodyPose>(*row.pose);
             describe_posture(model, *postures[n], *pose);
-            pose->filtered = options_.cutoff_hz > 0;
+            pose->filtered = cutoff_hz > 0;
             if (n > 0 && rows.back().pose) set_velocities(*rows.back().pose, *pose);
             row.pose = std::move(pose);
         }

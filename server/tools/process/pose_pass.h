@@ -26,7 +26,7 @@ struct PipelineOptions;
 struct PoseObservation;
 
 struct PosePassOptions {
-    double cutoff_hz = 6;     // of the zero-phase filter; 0: off
+    double cutoff_hz = 6;     // of the zero-phase filter, see applied_cutoff_hz(); 0: off
     double body_seconds = 6;  // of movement to which the body is fitted
     bool fit_body = true;     // false: the pipeline's body is used
     // Frame sets of a subject that are held in memory and tracked in both directions with the fitted body;

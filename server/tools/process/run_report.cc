@@ -16,6 +16,7 @@
 #include "common/session_file.h"
 #include "common/toml_reader.h"
 #include "server/pose/body_shape.h"
+#include "server/pose/posture_filter.h"
 #include "server/tools/process/process.h"
 
 namespace kinevox {
@@ -157,7 +158,7 @@ std::string run_toml(const ProcessOptions& options, const std::string& fingerpri
         fmt::format("judge_faint = {}   # also set where the silhouettes seemed to lack parts without it\n",
                     options.pipeline.segmentation.judge_faint);
     text += fmt::format("filter_cutoff_hz = {}   # zero-phase low-pass of the poses; 0: off\n",
-                        toml_number(options.poses.cutoff_hz));
+                        toml_number(applied_cutoff_hz(options.poses.cutoff_hz, fps)));
     text += fmt::format("fingerprint = \"{}\"   # of input, options and program; --resume compares it\n",
                         fingerprint);
     if (const auto read = read_session(options.session_file); read.ok() && has_offsets(*read)) {
