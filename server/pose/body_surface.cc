@@ -32,6 +32,8 @@ class Surface {
 
 // Centres and radii are those of the studio's clothed bodies around their joints, as fractions of the
 // lengths: hips, waist and knees are behind the centre of the soft tissue, the shoulder below its centre.
+// Those of the shoulder are where fits find its true joint: around the mesh alone they were 9 mm off along
+// the arm.
 
 // A trunk is wider than deep: a capsule on either side and one in the centre, as thick as it is deep.
 void add_trunk(const BodyShape& s, Surface& surface) {
@@ -45,17 +47,17 @@ void add_trunk(const BodyShape& s, Surface& surface) {
         surface.chain(kPelvis, {{pelvis_x, pelvis_y, -0.08 * waist, s[kPelvisHalfDepth]},
                                 {hips_x + waist_x, side * waist_y, waist, s[kWaistHalfDepth]}});
         surface.chain(kThorax, {{waist_x, side * waist_y, 0, s[kWaistHalfDepth]},
-                                {chest_x, side * chest_y, 0.75 * shoulders, s[kChestHalfDepth]}});
+                                {chest_x, side * chest_y, 0.775 * shoulders, s[kChestHalfDepth]}});
     }
     for (const double side : {1.0, -1.0}) {
         const double shoulder_y = side * s[kShoulderHalfWidth];
         surface.chain(kThorax,
-                      {{chest_x, side * chest_y, 0.75 * shoulders, s[kChestHalfDepth]},
-                       {-0.12 * shoulders, 0.66 * shoulder_y, 1.08 * shoulders, 1.05 * s[kUpperArmRadius]},
-                       {-0.07 * shoulders, 0.16 * shoulder_y, 1.26 * shoulders, s[kNeckRadius]}});
+                      {{chest_x, side * chest_y, 0.775 * shoulders, s[kChestHalfDepth]},
+                       {-0.12 * shoulders, 0.66 * shoulder_y, 1.116 * shoulders, 1.05 * s[kUpperArmRadius]},
+                       {-0.07 * shoulders, 0.16 * shoulder_y, 1.302 * shoulders, s[kNeckRadius]}});
     }
-    surface.chain(kThorax, {{chest_x, 0, 0.75 * shoulders, s[kChestHalfDepth]},
-                            {-0.07 * shoulders, 0, 1.1 * shoulders, 1.3 * s[kNeckRadius]},
+    surface.chain(kThorax, {{chest_x, 0, 0.775 * shoulders, s[kChestHalfDepth]},
+                            {-0.07 * shoulders, 0, 1.136 * shoulders, 1.3 * s[kNeckRadius]},
                             {0.045 * shoulders, 0, s[kSacroiliacToSkullbase], s[kNeckRadius]}});
 }
 
@@ -88,8 +90,8 @@ void add_leg(const BodyShape& s, double side, int thigh, int shank, int foot, Su
 
 void add_arm(const BodyShape& s, double side, int upper_arm, int forearm, int hand, Surface& surface) {
     const double u = s[kUpperArm];
-    surface.chain(upper_arm, {{-0.03 * u, -0.08 * side * u, 0.09 * u, 1.18 * s[kUpperArmRadius]},
-                              {-0.04 * u, 0, -0.3 * u, s[kUpperArmRadius]},
+    surface.chain(upper_arm, {{-0.045 * u, -0.08 * side * u, 0.125 * u, 1.18 * s[kUpperArmRadius]},
+                              {-0.05 * u, 0, -0.29 * u, s[kUpperArmRadius]},
                               {0.005 * u, -0.027 * side * u, -u, s[kElbowRadius]}});
     surface.chain(forearm,
                   {{0.005 * u, -0.027 * side * u, 0, s[kElbowRadius]},

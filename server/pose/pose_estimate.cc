@@ -66,7 +66,7 @@ double model_std_m(std::string_view joint) {
         double std_m;
     };
     constexpr Entry kEntries[] = {{"root", 0.003},     {"sacroiliac", 0.005}, {"skullbase", 0.0055},
-                                  {"head_top", 0.024}, {"shoulder", 0.0115},  {"elbow", 0.009},
+                                  {"head_top", 0.022}, {"shoulder", 0.0085},  {"elbow", 0.009},
                                   {"wrist", 0.0065},   {"hand", 0.007},       {"hip", 0.008},
                                   {"knee", 0.006},     {"ankle", 0.0045},     {"toe", 0.0145}};
     for (const Entry& entry : kEntries)

@@ -111,7 +111,7 @@ TEST(PoseCost, ContourGradientMatchesNumericDifferences) {
     const auto views = scene.see(scene.standing());
     PoseCostOptions options;
     options.inside_std_m = options.floor_std_m = options.separation_std_m = kOff_m;
-    const BodyPosture posture = perturbed(scene, 0);
+    const BodyPosture posture = perturbed(scene, 1);
     constexpr double kStep = 5e-4, kRobust_m = 0.1;
     PoseCost cost(options);
     Linearisation angles_only;  // joint limits and rest pose, which need no view

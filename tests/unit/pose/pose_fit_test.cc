@@ -709,9 +709,10 @@ TEST(Retrack, WithholdsLegsThatSilhouettesLack) {
         pose = stage.process(1, n, seen[n].time_ns, seen[n], {});
         ASSERT_TRUE(pose);
         if (n == 4) {
-            EXPECT_TRUE(pose->joints[*joint_index("knee_l")].measured()) << "it may be a jump";
+            EXPECT_TRUE(pose->joints[*joint_index("hip_l")].measured()) << "it may be a jump";
         }
     }
+    EXPECT_FALSE(pose->joints[*joint_index("hip_l")].measured());
     EXPECT_FALSE(pose->joints[*joint_index("knee_l")].measured());
     PoseObservation standing{0, {0, 0, 1.1}, scene.see(scene.standing())};
     for (std::size_t n = 0; n < 10; ++n) {
@@ -743,6 +744,14 @@ TEST(PostureFilter, ZeroPhasePreservesSlowMovement) {
         EXPECT_NEAR(coordinates_from_posture(*noisy[n])[kDofKneeL], wanted, radians(0.7)) << n;
         EXPECT_NEAR(noisy[n]->root_in_world.x, 0.01 * n, 1e-4);
     }
+}
+
+TEST(PostureFilter, IsNotAppliedToFewSamplesPerPeriodOfCutoff) {
+    EXPECT_EQ(applied_cutoff_hz(6, 25), 6);
+    EXPECT_EQ(applied_cutoff_hz(6, 18), 6);
+    EXPECT_EQ(applied_cutoff_hz(6, 15), 0);
+    EXPECT_EQ(applied_cutoff_hz(3, 15), 3);
+    EXPECT_EQ(applied_cutoff_hz(0, 15), 0);
 }
 
 TEST(PostureFilter, OneEuroSmoothsRestAndFollowsMovement) {
