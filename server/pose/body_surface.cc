@@ -42,21 +42,22 @@ void add_trunk(const BodyShape& s, Surface& surface) {
                  chest_y = s[kChestHalfWidth] - s[kChestHalfDepth];
     const double hips_x = -kHipsBehindRoot * waist, pelvis_x = hips_x + s[kPelvisHalfDepth] - s[kPelvisBack],
                  waist_x = s[kWaistHalfDepth] - s[kWaistBack], chest_x = s[kChestHalfDepth] - s[kChestBack];
+    const double chest_z = 0.775 * shoulders;
     for (const double side : {1.0, 0.0, -1.0}) {
         const double pelvis_y = side * (s[kPelvisHalfWidth] - s[kPelvisHalfDepth]);
         surface.chain(kPelvis, {{pelvis_x, pelvis_y, -0.08 * waist, s[kPelvisHalfDepth]},
                                 {hips_x + waist_x, side * waist_y, waist, s[kWaistHalfDepth]}});
         surface.chain(kThorax, {{waist_x, side * waist_y, 0, s[kWaistHalfDepth]},
-                                {chest_x, side * chest_y, 0.775 * shoulders, s[kChestHalfDepth]}});
+                                {chest_x, side * chest_y, chest_z, s[kChestHalfDepth]}});
     }
     for (const double side : {1.0, -1.0}) {
         const double shoulder_y = side * s[kShoulderHalfWidth];
         surface.chain(kThorax,
-                      {{chest_x, side * chest_y, 0.775 * shoulders, s[kChestHalfDepth]},
+                      {{chest_x, side * chest_y, chest_z, s[kChestHalfDepth]},
                        {-0.12 * shoulders, 0.66 * shoulder_y, 1.116 * shoulders, 1.05 * s[kUpperArmRadius]},
                        {-0.07 * shoulders, 0.16 * shoulder_y, 1.302 * shoulders, s[kNeckRadius]}});
     }
-    surface.chain(kThorax, {{chest_x, 0, 0.775 * shoulders, s[kChestHalfDepth]},
+    surface.chain(kThorax, {{chest_x, 0, chest_z, s[kChestHalfDepth]},
                             {-0.07 * shoulders, 0, 1.136 * shoulders, 1.3 * s[kNeckRadius]},
                             {0.045 * shoulders, 0, s[kSacroiliacToSkullbase], s[kNeckRadius]}});
 }

@@ -24,7 +24,7 @@ struct Biquad {
 // section 2.2.4.4).
 Biquad butterworth(double fps, double cutoff_hz) {
     const double corrected = cutoff_hz / std::pow(std::numbers::sqrt2 - 1, 0.25);
-    const double k = std::tan(std::numbers::pi * std::min(corrected / fps, 0.45));
+    const double k = std::tan(std::numbers::pi * corrected / fps);
     const double norm = 1 / (1 + std::numbers::sqrt2 * k + k * k);
     return {k * k * norm, 2 * k * k * norm, k * k * norm, 2 * (k * k - 1) * norm,
             (1 - std::numbers::sqrt2 * k + k * k) * norm};

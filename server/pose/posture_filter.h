@@ -27,7 +27,7 @@ class OneEuroPosture {
 
 // A second-order Butterworth filter, forwards and backwards (zero phase, fourth order in total), for a whole
 // recording. Absent postures stay absent; the runs between them are filtered separately, mirrored at their
-// ends.
+// ends. `cutoff_hz`: one that applied_cutoff_hz() allows, above 0.
 void smooth_zero_phase(std::vector<std::optional<BodyPosture>>& postures, double fps, double cutoff_hz);
 // The cutoff to use at a frame rate; 0: none. Few samples per period of it are not filtered: a fast limb
 // would leave its silhouettes.
