@@ -51,6 +51,8 @@ class OccupiedCells {
     // are omitted.
     Cells cells_of(const kernels::VoxelVolume& volume) const;
     CellStatistics statistics(const Cells& cells) const;
+    // Of a sample of the cells. A box around them is too large where a shadow on the floor belongs to them.
+    double fraction_in_view(const Cells& cells, const Camera& camera) const;
     kernels::VoxelVolume volume_of(const Cells& cells) const;
     std::array<int, 3> position(std::int32_t cell) const;
     Vec3 centre_in_world(std::int32_t cell) const;

@@ -434,8 +434,7 @@ std::vector<CameraRole> SceneTracker::roles_of(const Subject& subject,
             roles[c] = CameraRole::kNoImage;
             continue;
         }
-        double inside = 0;
-        projected_box(cameras_[c], {subject.shape.min_in_world, subject.shape.max_in_world}, &inside);
+        const double inside = grid_.fraction_in_view(subject.cells, cameras_[c]);
         if (inside < kMinExpectedInside)
             roles[c] = CameraRole::kOutOfView;
         else if (inside < 1)

@@ -1,6 +1,7 @@
 // Several subjects in the hull of the whole scene.
 #include "server/pipeline/tracking/scene_tracker.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -52,10 +53,14 @@ class People {
           tracker_(std::move(cameras), kPeopleFps, options, &control_) {}
 
     SceneUpdate show(const std::vector<Vec3>& floor_points, std::span<const kernels::ImageView> images = {}) {
+        return show_bodies(people_at(floor_points), images);
+    }
+    SceneUpdate show_bodies(const std::vector<Ellipsoid>& bodies,
+                            std::span<const kernels::ImageView> images = {}) {
         const auto time_ns = static_cast<std::int64_t>(std::llround(1e9 * frame_ / kPeopleFps));
         tracker_.predict(time_ns);
         std::vector<kernels::Silhouettes> made;
-        for (const Camera& camera : cameras_) made.push_back(silhouettes_of(camera, people_at(floor_points)));
+        for (const Camera& camera : cameras_) made.push_back(silhouettes_of(camera, bodies));
         std::vector<const kernels::Silhouettes*> seen;
         for (const auto& s : made) seen.push_back(&s);
         return tracker_.update(static_cast<std::uint64_t>(frame_++), time_ns, seen, images);
@@ -97,6 +102,22 @@ TEST(SceneTracker, FindsPeopleAtTheirPlaces) {
         EXPECT_NEAR(subject.track.centre_in_world.z, kStandingCentre_m, 0.06);
         EXPECT_THAT(subject.track.used_cameras, Each(true));
     }
+}
+
+// A box around both is mostly outside the images of cameras of a portrait format.
+TEST(SceneTracker, UsesAllCamerasForPersonWithLongShadow) {
+    std::vector<Camera> cameras;
+    for (const Vec3& eye : {Vec3{3, 3, 2}, Vec3{3, -3, 1.8}, Vec3{-3, -3, 2.2}, Vec3{-3, 3, 1.6}})
+        cameras.push_back(
+            camera_at(fmt::format("camera_{}", cameras.size()), eye, {0, 0, 0.8}, 120, 320, 400));
+    People people(1, cameras);
+    std::vector<Ellipsoid> bodies = body_at({0, 0, kStandingCentre_m});
+    bodies.push_back({{0, 0, 0.03}, {1.9, 0.15, 0.04}});
+    bodies.push_back({{0, 0, 0.03}, {0.15, 1.9, 0.04}});
+    SceneUpdate update;
+    for (int n = 0; n < 4; ++n) update = people.show_bodies(bodies);
+    ASSERT_THAT(update.subjects, SizeIs(1));
+    EXPECT_THAT(update.subjects[0].track.used_cameras, Each(true));
 }
 
 TEST(SceneTracker, StartsNoMoreThanMaxSubjects) {
