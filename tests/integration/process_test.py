@@ -243,6 +243,19 @@ class Process(unittest.TestCase):
         self.assertIn("empty.toml: no person's pose was found in 0 frame sets", done.stderr)
         self.assertFalse((self.folder / "out").exists())
 
+    def test_tpose_with_poor_silhouettes_is_not_used(self):
+        # The light has changed since its background was recorded.
+        tpose = DATA / "balancing" / "session_tpose.toml"
+        out = self.folder / "out"
+        done = run(WALK, "--out", out, "--frames", 8, "--quiet", "--single-run", "--tpose", tpose)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertRegex(
+            done.stderr,
+            r"session_tpose\.toml: the fitted body is \d+ mm from the silhouettes' contours \(at most 25\); "
+            r"record a background for this session; the body is fitted to the movement instead\n$",
+        )
+        self.assertTrue((out / "body.toml").exists())
+
     def test_known_body_and_stature_are_used(self):
         read = lambda out: tomllib.loads((out / "body.toml").read_text())
         measured, given = self.folder / "measured", self.folder / "given"

@@ -51,6 +51,8 @@ ProcessOptions with_faint(ProcessOptions options) {
 
 // One frame set does not determine a body, and a pose found in few of them is doubtful.
 constexpr int kMinBodyFrameSets = 5;
+// Bodies that fit their silhouettes are 8 to 15 mm from the contours.
+constexpr double kMaxBodyResidual_m = 0.025;
 
 // A body fitted to all frame sets of a T-pose session; none if a subject is there, but too few poses.
 struct SessionBody {
@@ -91,8 +93,8 @@ absl::StatusOr<SessionBody> fit_to_session(const std::filesystem::path& session_
     return SessionBody{std::nullopt, std::move(why)};
 }
 
-// The body of the subject in a T-pose session. None, after a warning, if too few poses were found: then the
-// body is fitted to the trial's movement.
+// The body of the subject in a T-pose session. None, after a warning, if too few poses were found or the body
+// does not fit its silhouettes: then the body is fitted to the trial's movement.
 absl::StatusOr<std::optional<BodyShape>> body_of_session(const std::filesystem::path& session_file,
                                                          const ProcessOptions& options,
                                                          const std::atomic<bool>& stop) {
@@ -106,7 +108,12 @@ absl::StatusOr<std::optional<BodyShape>> body_of_session(const std::filesystem::
         if (!again.ok()) return again.status();
         if (residual_m(*again) < quality::kMaxContourResidual_m) body = std::move(again);
     }
-    if (body->fit) return body->fit->shape;
+    if (residual_m(*body) <= kMaxBodyResidual_m) return body->fit->shape;
+    if (body->fit)
+        body->why = fmt::format(
+            "{}: the fitted body is {:.0f} mm from the silhouettes' contours (at most {:.0f}); record a "
+            "background for this session",
+            session_file.string(), 1000 * residual_m(*body), 1000 * kMaxBodyResidual_m);
     fmt::print(stderr, "kinevox process: {}; the body is fitted to the movement instead\n", body->why);
     return std::nullopt;
 }
@@ -175,6 +182,7 @@ struct Run {
     double fps = 0, wall_s = 0;
     RunSummary summary;
     PoseFitSummary poses;
+    double tracked_residual_m = 0;  // median of the poses' contour residual, before they are refined
     quality::QualityReport quality;
 };
 
@@ -183,8 +191,10 @@ class SessionRuns {
     SessionRuns(const std::string& fingerprint, const std::atomic<bool>& stop)
         : fingerprint_(fingerprint), stop_(stop) {}
 
-    // Processes the session and adds the results to the writer, as its latest version.
-    absl::StatusOr<Run> run(const ProcessOptions& options);
+    // Processes the session and adds the results to the writer, as its latest version. Ends before poses are
+    // refined, without any in the summary, if their residual exceeds `max_tracked_residual_m`.
+    absl::StatusOr<Run> run(const ProcessOptions& options,
+                            double max_tracked_residual_m = std::numeric_limits<double>::infinity());
     ResultWriter& writer() { return *writer_; }
 
   private:
@@ -234,7 +244,7 @@ absl::Status SessionRuns::each_frame_set(const ProcessOptions& options, FrameSou
     return absl::OkStatus();
 }
 
-absl::StatusOr<Run> SessionRuns::run(const ProcessOptions& options) {
+absl::StatusOr<Run> SessionRuns::run(const ProcessOptions& options, double max_tracked_residual_m) {
     SessionSourceOptions source_options;
     source_options.decode_in_bursts = options.decode_in_bursts;
     auto source = open_session_source(options.session_file, source_options);
@@ -268,6 +278,8 @@ absl::StatusOr<Run> SessionRuns::run(const ProcessOptions& options) {
         !done.ok())
         return done;
     run.wall_s = running.seconds();
+    if (poses) run.tracked_residual_m = poses->tracked_residual_m();
+    if (run.tracked_residual_m > max_tracked_residual_m) return run;
     writer_->add_table({"calibration.toml", calibration_toml((*source)->cameras())});
     for (Table& table : certificate_tables(options.session_file)) writer_->add_table(std::move(table));
     const std::vector<PoseRow> rows = poses ? poses->finish(**pipeline) : std::vector<PoseRow>{};
@@ -290,6 +302,9 @@ bool may_lack_parts(const Run& run) {
     return run.poses.contour_residual_m.value_or(0) > quality::kMaxContourResidual_m &&
            quality::may_lack_parts(run.quality.causes);
 }
+
+// Of residuals before poses are refined, which hardly changes their ratio: not better, surely.
+constexpr double kMaxTrackedRatio = 1.02;
 
 // Shadows taken for the subject fit no body either, so the residual decides between the two rules, together
 // with the joints that neither shows.
@@ -332,7 +347,7 @@ absl::Status process_session(const ProcessOptions& requested, const std::atomic<
             fmt::print(
                 "silhouettes may lack parts of the subject; processing the session again with "
                 "segmentation.judge_faint\n");
-        auto again = runs.run(with_faint(options));
+        auto again = runs.run(with_faint(options), kMaxTrackedRatio * run->tracked_residual_m);
         if (!again.ok()) return again.status();
         if (is_better(again->poses, run->poses)) {
             run = std::move(again);
