@@ -13,9 +13,12 @@ namespace kinevox::quality {
 namespace {
 
 constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
+constexpr Vec3 kUp{0, 0, 1};
 constexpr std::size_t kHypothesisFrameSets = 6;
 constexpr int kHypothesisPoints = 24;  // per silhouette: enough to compare hypotheses
-constexpr double kMaxRollRms = 6;      // degrees: cameras that are mounted without common horizon
+// Few cameras that roll differently have a common direction, too: a subject who is upright decides.
+constexpr std::size_t kFewCameras = 3;
+constexpr double kMaxRollRms = 6;  // degrees: cameras that are mounted without common horizon
 
 SilhouetteSet some_of(const SilhouetteSet& set, std::size_t max) {
     SilhouetteSet some;
@@ -112,6 +115,30 @@ std::optional<Vec3> up_from_cameras(const std::vector<Camera>& cameras) {
     return Vec3{axis.x(), axis.y(), axis.z()};
 }
 
+// Of the subject in each frame set that shows all of it.
+struct SubjectExtents {
+    std::vector<double> lowest_m, heights_m, leans_deg;
+    Vec3 upwards;  // from the feet to the centre, sum of directions
+};
+
+SubjectExtents extents_along(Vec3 up, const std::vector<Camera>& cameras, const SilhouetteSet& subject) {
+    SubjectExtents out;
+    for (const auto& images : subject.frame_sets) {
+        if (std::ranges::any_of(images, &SilhouetteMask::truncated)) continue;
+        const SilhouetteHull hull(cameras, images);
+        if (!hull.usable()) continue;
+        const auto extent = hull.extent(up);
+        if (!extent) continue;
+        out.lowest_m.push_back(extent->lowest.z);
+        out.heights_m.push_back(norm(extent->highest - extent->lowest));
+        const Vec3 axis = hull.middle() - extent->lowest;
+        const Vec3 direction = axis / std::max(norm(axis), 1e-6);
+        out.upwards += direction;
+        out.leans_deg.push_back(std::acos(std::clamp(direction.z, -1.0, 1.0)) * kDegreesPerRadian);
+    }
+    return out;
+}
+
 }  // namespace
 
 RigMeasurements measure_rig(const Samples& seen, const SilhouetteSet& subject,
@@ -144,28 +171,19 @@ WorldMeasurements measure_world(const Samples& seen, const SilhouetteSet& subjec
     for (const Camera& camera : seen.cameras)
         out.cameras_below_fraction +=
             (camera.centre_in_world().z < 0 ? 1.0 : 0.0) / static_cast<double>(seen.cameras.size());
-    const std::optional<Vec3> up = up_from_cameras(seen.cameras);
-    if (up) out.tilt_deg = std::acos(std::clamp(up->z, -1.0, 1.0)) * kDegreesPerRadian;
-    std::vector<double> lowest, leans, heights;
-    for (const auto& images : subject.frame_sets) {
-        bool truncated = false;
-        for (const SilhouetteMask& image : images) truncated = truncated || image.truncated;
-        const SilhouetteHull hull(seen.cameras, images);
-        if (!hull.usable() || truncated) continue;
-        const auto extent = hull.extent(up.value_or(Vec3{0, 0, 1}));
-        if (!extent) continue;
-        lowest.push_back(extent->lowest.z);
-        heights.push_back(norm(extent->highest - extent->lowest));
-        const Vec3 axis = hull.middle() - extent->lowest;
-        leans.push_back(std::acos(std::clamp(axis.z / std::max(norm(axis), 1e-6), -1.0, 1.0)) *
-                        kDegreesPerRadian);
+    std::optional<Vec3> up = up_from_cameras(seen.cameras);
+    SubjectExtents extents = extents_along(up.value_or(kUp), seen.cameras, subject);
+    if (up && seen.cameras.size() <= kFewCameras && dot(extents.upwards, *up) < dot(extents.upwards, kUp)) {
+        up.reset();
+        extents = extents_along(kUp, seen.cameras, subject);
     }
+    if (up) out.tilt_deg = std::acos(std::clamp(up->z, -1.0, 1.0)) * kDegreesPerRadian;
     constexpr std::size_t kMinFrameSets = 5;
-    if (lowest.size() < kMinFrameSets) return out;
-    out.lowest_m = quantile_or(lowest, 0.5, 0);
-    out.subject_tilt_deg = quantile_or(leans, 0.5, 0);
-    out.subject_height_m = quantile_or(heights, 0.5, 0);
-    out.max_height_m = quantile_or(heights, 0.9, 0);
+    if (extents.lowest_m.size() < kMinFrameSets) return out;
+    out.lowest_m = quantile_or(extents.lowest_m, 0.5, 0);
+    out.subject_tilt_deg = quantile_or(extents.leans_deg, 0.5, 0);
+    out.subject_height_m = quantile_or(extents.heights_m, 0.5, 0);
+    out.max_height_m = quantile_or(extents.heights_m, 0.9, 0);
     return out;
 }
 

@@ -56,7 +56,7 @@ struct RigMeasurements {
 
 struct WorldMeasurements {
     // Direction of up from the cameras' horizontal image rows, against the world's z; absent if the cameras'
-    // rolls contradict each other.
+    // rolls contradict each other or the subject, who is upright in the world, contradicts a few cameras.
     std::optional<double> tilt_deg;
     double cameras_below_fraction = 0;       // of the cameras, below the floor
     std::optional<double> subject_tilt_deg;  // from the feet to the centre, against z, median
