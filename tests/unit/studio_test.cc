@@ -20,6 +20,7 @@
 #include "server/cameras/studio/rig.h"
 #include "server/cameras/studio/session_writer.h"
 #include "server/cameras/studio/studio_source.h"
+#include "server/cameras/studio/virtual_camera.h"
 
 namespace kinevox::studio {
 namespace {
@@ -206,6 +207,21 @@ TEST_P(EveryMotion, StandingFeetDoNotSlide) {
 
 INSTANTIATE_TEST_SUITE_P(Studio, EveryMotion, ::testing::ValuesIn(kMotionNames),
                          [](const auto& test) { return std::string(test.param); });
+
+TEST(Lens, ProjectsDirectionsOfWideCornersToTheirPixels) {
+    Camera camera;
+    camera.width = 640, camera.height = 480;
+    camera.fx = camera.fy = 210;
+    camera.cx = 319.5, camera.cy = 239.5;
+    camera.k1 = -0.18, camera.k2 = 0.045, camera.p1 = 0.0005;
+    const Lens lens(camera);
+    for (const float u : {-0.5f, 320.0f, 639.5f})
+        for (const float v : {-0.5f, 240.0f, 479.5f}) {
+            const Vec3f pixel = lens.project(lens.centre_in_world() + lens.direction_through(u, v));
+            EXPECT_NEAR(pixel.x, u, 0.01) << u << ' ' << v;
+            EXPECT_NEAR(pixel.y, v, 0.01) << u << ' ' << v;
+        }
+}
 
 TEST(Studio, BodyHasStatureAndHumanVolume) {
     for (std::uint32_t seed : {1u, 2u, 3u, 4u}) {

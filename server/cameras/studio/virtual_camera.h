@@ -1,6 +1,7 @@
 // Lens and sensor of a virtual camera.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -13,7 +14,8 @@ namespace kinevox::studio {
 class Lens {
   public:
     explicit Lens(const Camera& c)
-        : camera_from_world_(to_float(c.camera_from_world)),
+        : camera_(c),
+          camera_from_world_(to_float(c.camera_from_world)),
           fx_(static_cast<float>(c.fx)),
           fy_(static_cast<float>(c.fy)),
           cx_(static_cast<float>(c.cx)),
@@ -41,13 +43,17 @@ class Lens {
         const float xd = (u - cx_) / fx_, yd = (v - cy_) / fy_;
         float x = xd, y = yd;
         if (k1_ != 0 || k2_ != 0 || k3_ != 0 || p1_ != 0 || p2_ != 0) {
+            float step = 0;
             for (int i = 0; i < 12; ++i) {
                 const Vec3f d = distort(x, y);
-                const float next_x = x + (xd - d.x), next_y = y + (yd - d.y);
-                if (next_x == x && next_y == y) break;
-                x = next_x;
-                y = next_y;
+                const float step_x = xd - d.x, step_y = yd - d.y;
+                step = std::abs(step_x) + std::abs(step_y);
+                if (x + step_x == x && y + step_y == y) break;
+                x += step_x;
+                y += step_y;
             }
+            // The corners of a wide lens, where these steps diverge.
+            if (!(step < kMaxStep)) return to_float(camera_.ray_through({u, v}).direction_in_world);
         }
         return normalized(world_from_camera_.direction({x, y, 1}));
     }
@@ -58,6 +64,9 @@ class Lens {
         return {x * radial + 2 * p1_ * x * y + p2_ * (r2 + 2 * x * x),
                 y * radial + p1_ * (r2 + 2 * y * y) + 2 * p2_ * x * y, 0};
     }
+    static constexpr float kMaxStep = 1e-5f;  // of normalized image coordinates
+
+    Camera camera_;
     Affine3f camera_from_world_, world_from_camera_;
     Vec3f centre_;
     float fx_, fy_, cx_, cy_, k1_, k2_, k3_, p1_, p2_;
