@@ -114,8 +114,7 @@ std::shared_ptr<BodyPose> PoseStage::process(std::uint32_t subject_id, std::uint
     observation_.time_ns = time_ns;
     observation_.centre_in_world = centre;
     observation_.views.resize(cameras_.size());
-    // Live, and where other people are near, the fit needs all of the contour.
-    const bool by_contrast = !options_.filtered && std::ranges::none_of(shown, &PoseView::shared);
+    const bool by_contrast = !options_.filtered;  // live, the fit needs all of the contour
     oneapi::tbb::parallel_for(
         std::size_t{0}, cameras_.size(),
         [&](std::size_t c) {
