@@ -39,6 +39,7 @@ class OccupiedCells {
     // Grows all subjects at once through the free cells, at most `max_steps` cells far.
     void flood(int max_steps);
     void free(const Cells& cells);
+    bool is_free(std::int32_t cell) const { return label_[cell] == kFree; }
     std::uint8_t label_at(Vec3 in_world) const;  // kEmpty outside the lattice
     // Removes from a volume of any lattice the voxels whose centre is in a cell of another label.
     void keep(std::uint8_t label, kernels::VoxelVolume& volume) const;

@@ -10,15 +10,13 @@
 #include "kernels/projection.h"
 #include "server/pipeline/for_each_camera.h"
 #include "server/pipeline/subject_control.h"
+#include "server/pipeline/tracking/scene_lattice.h"
 #include "server/silhouettes/mask_box.h"
 #include "server/silhouettes/to_kernel.h"
 
 namespace kinevox {
 namespace {
 
-constexpr double kCell_m = 0.04;
-constexpr double kFrom_m = -0.16, kTo_m = 2.56;  // height of the scene's hull
-constexpr double kMaxSide_m = 14;
 constexpr double kMaxGrowth_m = 0.5;  // of a subject's shape from one frame set to the next
 constexpr double kBeside_m = 0.2;     // between a subject's largest part and its others, horizontally
 
@@ -32,30 +30,7 @@ constexpr double kMinNewFraction = 0.35;     // of a new subject's pixels that n
 constexpr int kMinNewViews = 2;              // with such pixels
 constexpr int kManyNewViews = 3;             // which start the first subjects at once
 constexpr double kCentreStd_m = 0.03;
-
-// Where a person can be: seen by enough cameras at chest height.
-Box3 observed_box(const std::vector<Camera>& cameras) {
-    constexpr double kStep_m = 0.25, kChest_m = 1.1, kRange_m = 15;
-    const std::size_t needed = std::min<std::size_t>(cameras.size(), 3);
-    Vec3 middle;
-    for (const Camera& camera : cameras) middle += camera.centre_in_world() / double(cameras.size());
-    constexpr double kFar = std::numeric_limits<double>::infinity();
-    Box3 box{{kFar, kFar, kFrom_m}, {-kFar, -kFar, kTo_m}};
-    for (double y = middle.y - kRange_m; y <= middle.y + kRange_m; y += kStep_m)
-        for (double x = middle.x - kRange_m; x <= middle.x + kRange_m; x += kStep_m) {
-            std::size_t views = 0;
-            for (const Camera& c : cameras) {
-                const auto pixel = c.project({x, y, kChest_m});
-                views += pixel && pixel->x >= 0 && pixel->y >= 0 && pixel->x < c.width && pixel->y < c.height;
-            }
-            if (views < needed) continue;
-            box.min_in_world = {std::min(box.min_in_world.x, x), std::min(box.min_in_world.y, y), kFrom_m};
-            box.max_in_world = {std::max(box.max_in_world.x, x), std::max(box.max_in_world.y, y), kTo_m};
-        }
-    if (box.min_in_world.x > box.max_in_world.x)
-        return {{middle.x - 2, middle.y - 2, kFrom_m}, {middle.x + 2, middle.y + 2, kTo_m}};
-    return box;
-}
+constexpr double kUsualGain = 0.1;  // of a frame set on the usual volume
 
 bool is_beside(Vec3 at, const CellStatistics& body) {
     return at.x > body.min_in_world.x - kBeside_m && at.x < body.max_in_world.x + kBeside_m &&
@@ -67,11 +42,6 @@ Mat3 centre_covariance() {
     Mat3 covariance;
     for (double& each : covariance.m) each *= kCentreStd_m * kCentreStd_m;
     return covariance;
-}
-
-kernels::Lattice scene_lattice(const std::vector<Camera>& cameras) {
-    const Box3 box = observed_box(cameras);
-    return lattice_over(box, kCell_m, kMaxSide_m, (box.min_in_world + box.max_in_world) / 2);
 }
 
 kernels::HullOptions hull_options(std::size_t cameras) {
@@ -114,6 +84,7 @@ void SceneTracker::take_over(const TrackedState& taken, const kernels::VoxelVolu
     subject.filter = taken.filter;
     subject.cells = grid_.cells_of(shape);
     subject.shape = grid_.statistics(subject.cells);
+    subject.usual_litres = subject.shape.litres;
     subject.last_seen_ns = taken.last_measured_ns;
     subject.seen = true;
     subject.followed = Followed::kYes;
@@ -151,7 +122,8 @@ std::vector<kernels::SegmentationPrior> SceneTracker::predict(std::int64_t time_
     const auto interval = static_cast<std::uint64_t>(
         std::max(1.0, std::round(std::min(options_.full_pass_interval_s, kMaxPassInterval_s) * fps_)));
     // All cameras at once, unlike for one subject: a new subject must show in all of them.
-    whole_images_ = subjects_.empty() || !pending_.empty() || predictions_ % interval == 0;
+    whole_images_ =
+        subjects_.empty() || !pending_.empty() || !beside_.empty() || predictions_ % interval == 0;
     ++predictions_;
     std::vector<kernels::SegmentationPrior> priors(cameras_.size());
     if (whole_images_) {
@@ -203,7 +175,7 @@ void SceneTracker::carve(const SilhouettesByCamera& silhouettes) {
     const Vec3 wide{margin, margin, margin};
     for (const Subject& subject : subjects_) {
         Vec3 low = subject.shape.min_in_world + subject.motion - wide;
-        low.z = std::min(low.z, kFrom_m);  // its legs may have been missing
+        low.z = std::min(low.z, kSceneFloor_m);  // its legs may have been missing
         const kernels::Lattice part =
             grid_.part_over({low, subject.shape.max_in_world + subject.motion + wide});
         carve_in(part, silhouettes);
@@ -225,11 +197,13 @@ void SceneTracker::carve_in(const kernels::Lattice& lattice, const SilhouettesBy
 }
 
 // Gives each subject the cells of its last shape, moved as expected, and what is connected with them.
-void SceneTracker::claim() {
+void SceneTracker::claim(std::int64_t time_ns) {
     const auto cells = [&](double m) { return static_cast<int>(std::lround(m / grid_.cell_m())); };
     for (const Subject& s : subjects_)
         grid_.give(s.cells, {cells(s.motion.x), cells(s.motion.y), cells(s.motion.z)}, s.label);
+    for (const Newcomers& each : beside_) grid_.give(each.cells, {0, 0, 0}, kNewcomersLabel);
     grid_.flood(cells(kMaxGrowth_m));
+    keep_newcomers(time_ns);
     for (Subject& subject : subjects_) {
         std::vector<Cells> parts = grid_.parts(subject.label);
         subject.seen = false;
@@ -252,6 +226,7 @@ void SceneTracker::claim() {
             else
                 grid_.free(parts[k]);
         }
+        own = without_newcomers(subject, std::move(own), time_ns);
         const CellStatistics shape = grid_.statistics(own);
         if (shape.litres < kMinSubject_litres) {
             grid_.free(own);
@@ -260,6 +235,7 @@ void SceneTracker::claim() {
         subject.cells = std::move(own);
         subject.shape = shape;
         subject.seen = true;
+        subject.usual_litres += kUsualGain * (shape.litres - subject.usual_litres);
     }
 }
 
@@ -357,6 +333,7 @@ void SceneTracker::start(const Cells& cells, const std::optional<Recognition>& k
         ++subject.label;
     subject.cells = cells;
     subject.shape = grid_.statistics(cells);
+    subject.usual_litres = subject.shape.litres;
     subject.filter = CentreFilter(options_.filter);
     subject.filter.start(subject.shape.centre_in_world, centre_covariance());
     subject.last_seen_ns = time_ns;
@@ -471,7 +448,7 @@ SceneUpdate SceneTracker::update(std::uint64_t sequence, std::int64_t time_ns,
     SceneUpdate update;
     look_at(silhouettes, images);
     carve(silhouettes);
-    claim();
+    claim(time_ns);
     measure(time_ns);
     if (whole_images_) find_new(time_ns, silhouettes);
     drop_lost(sequence, time_ns, update);
@@ -485,6 +462,8 @@ SceneUpdate SceneTracker::update(std::uint64_t sequence, std::int64_t time_ns,
         else if (subject.seen)
             update.bystanders.push_back({subject.id, grid_.volume_of(subject.cells)});
     }
+    std::erase_if(beside_, [&](const Newcomers& each) { return !grid_.is_free(each.cells.front()); });
+    for (const Newcomers& each : beside_) update.bystanders.push_back({0, grid_.volume_of(each.cells)});
     return update;
 }
 

@@ -35,9 +35,9 @@ struct SceneSubject {
     std::vector<CameraRole> roles;            // per camera
 };
 
-// A person who is tracked but not followed, because they hide and touch those who are.
+// A person who is tracked but not followed, or just appeared, because they hide and touch those who are.
 struct Bystander {
-    std::uint32_t id = 0;
+    std::uint32_t id = 0;        // 0: not tracked yet
     kernels::VoxelVolume shape;  // coarse
 };
 
@@ -101,6 +101,7 @@ class SceneTracker {
         Cells cells;  // the last seen
         CellStatistics shape;
         Vec3 motion;
+        double usual_litres = 0;
         std::int64_t last_seen_ns = 0;
         bool seen = false;  // in the last update
         Followed followed = Followed::kTooMany;
@@ -112,6 +113,11 @@ class SceneTracker {
         int frames = 0;
         Appearance appearance;  // sum of them
     };
+    struct Newcomers {  // who appeared next to a subject, not tracked yet
+        Cells cells;
+        std::int64_t since_ns = 0;
+    };
+    static constexpr std::uint8_t kNewcomersLabel = 253;
     using SilhouettesByCamera = std::vector<const kernels::Silhouettes*>;
 
     void look_at(const SilhouettesByCamera& silhouettes, std::span<const kernels::ImageView> images);
@@ -119,7 +125,9 @@ class SceneTracker {
     std::int64_t remembered_since_ns(std::int64_t time_ns) const;
     void carve(const SilhouettesByCamera& silhouettes);
     void carve_in(const kernels::Lattice& lattice, const SilhouettesByCamera& silhouettes);
-    void claim();
+    void claim(std::int64_t time_ns);
+    void keep_newcomers(std::int64_t time_ns);
+    Cells without_newcomers(const Subject& subject, Cells own, std::int64_t time_ns);
     void adopt_small_parts();
     bool is_upright(const Cells& part) const;
     bool may_start(const Cells& part) const;
@@ -150,6 +158,7 @@ class SceneTracker {
     kernels::VoxelVolume hull_;
     std::vector<Subject> subjects_;  // in the order of their ids
     std::vector<Pending> pending_, still_pending_;
+    std::vector<Newcomers> beside_;
     std::vector<AppearanceView> views_;  // of the current frame set; empty without images
     SubjectMemory memory_;
     std::int64_t last_remembered_ns_ = 0;

@@ -212,6 +212,36 @@ TEST(SceneTracker, GivesNewIdToStranger) {
     EXPECT_EQ(People::id_at(update, left), 3u);
 }
 
+// Their hulls are one part from the first frame set on.
+TEST(SceneTracker, KeepsIdsWhenAnotherPersonAppearsNextToOne) {
+    People people(4);
+    const Vec3 stays{0.1, 0.2, 0}, far{-1.1, -0.9, 0}, appears{0.62, 0.4, 0};
+    for (int n = 0; n < 10; ++n) people.show({stays, far});
+    SceneUpdate update;
+    for (int n = 0; n < 15; ++n) {
+        update = people.show({stays, far, appears});
+        EXPECT_EQ(People::id_at(update, stays), 1u) << n;
+        EXPECT_EQ(People::id_at(update, far), 2u) << n;
+        if (n >= 2) {
+            EXPECT_EQ(update.subjects.size() + update.bystanders.size(), 3u) << n;
+        }
+    }
+    EXPECT_EQ(People::id_at(update, appears), 3u);
+}
+
+// Twice the volume, but one trunk.
+TEST(SceneTracker, KeepsSubjectWholeWhoTakesUpSomethingLarge) {
+    People people(4);
+    const Vec3 far{-1.1, -0.9, 0};
+    for (int n = 0; n < 10; ++n) people.show({{0.1, 0.2, 0}, far});
+    std::vector<Ellipsoid> bodies = people_at({{0.1, 0.2, 0}, far});
+    bodies.push_back({{0.1, 0.2, 1.85}, {0.5, 0.3, 0.3}});
+    SceneUpdate update;
+    for (int n = 0; n < 15; ++n) update = people.show_bodies(bodies);
+    ASSERT_THAT(update.subjects, SizeIs(2));
+    EXPECT_THAT(update.bystanders, IsEmpty());
+}
+
 TEST(SceneTracker, TracksWhoIsOutsideTheRegionsAsBystander) {
     TrackerOptions options = for_people(1);
     options.rules.capture_regions = {{{{0, -2}, {3, -2}, {3, 2}, {0, 2}}}};

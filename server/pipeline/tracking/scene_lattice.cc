@@ -1,0 +1,46 @@
+#include "server/pipeline/tracking/scene_lattice.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <limits>
+
+#include "server/pipeline/tracking/cone_box.h"
+
+namespace kinevox {
+namespace {
+
+constexpr double kCell_m = 0.04, kMaxSide_m = 14, kTo_m = 2.56;
+
+// Where a person can be: seen by enough cameras at chest height.
+Box3 observed_box(const std::vector<Camera>& cameras) {
+    constexpr double kStep_m = 0.25, kChest_m = 1.1, kRange_m = 15;
+    const std::size_t needed = std::min<std::size_t>(cameras.size(), 3);
+    Vec3 middle;
+    for (const Camera& camera : cameras) middle += camera.centre_in_world() / double(cameras.size());
+    constexpr double kFar = std::numeric_limits<double>::infinity();
+    Box3 box{{kFar, kFar, kSceneFloor_m}, {-kFar, -kFar, kTo_m}};
+    for (double y = middle.y - kRange_m; y <= middle.y + kRange_m; y += kStep_m)
+        for (double x = middle.x - kRange_m; x <= middle.x + kRange_m; x += kStep_m) {
+            std::size_t views = 0;
+            for (const Camera& c : cameras) {
+                const auto pixel = c.project({x, y, kChest_m});
+                views += pixel && pixel->x >= 0 && pixel->y >= 0 && pixel->x < c.width && pixel->y < c.height;
+            }
+            if (views < needed) continue;
+            box.min_in_world = {std::min(box.min_in_world.x, x), std::min(box.min_in_world.y, y),
+                                kSceneFloor_m};
+            box.max_in_world = {std::max(box.max_in_world.x, x), std::max(box.max_in_world.y, y), kTo_m};
+        }
+    if (box.min_in_world.x > box.max_in_world.x)
+        return {{middle.x - 2, middle.y - 2, kSceneFloor_m}, {middle.x + 2, middle.y + 2, kTo_m}};
+    return box;
+}
+
+}  // namespace
+
+kernels::Lattice scene_lattice(const std::vector<Camera>& cameras) {
+    const Box3 box = observed_box(cameras);
+    return lattice_over(box, kCell_m, kMaxSide_m, (box.min_in_world + box.max_in_world) / 2);
+}
+
+}  // namespace kinevox
