@@ -4,7 +4,6 @@
 #include <functional>
 #include <utility>
 
-#include "common/median.h"
 #include "server/pipeline/pipeline.h"
 #include "server/pose/pose_stage.h"
 
@@ -50,7 +49,6 @@ void PosePass::add(const FrameResult& result, Pipeline& pipeline) {
         ++subject.seen_count;
         frame.row.subject_id = id;
         frame.row.pose = seen.pose;
-        if (seen.pose) tracked_residuals_m_.push_back(seen.pose->contour_residual_rms_m);
         if (!stage) continue;
         if (seen.pose && stage->tracked()) frame.posture = stage->tracked()->fit.posture;
         if (!subject.retracked && seen.volume)
@@ -144,11 +142,6 @@ std::vector<PoseRow> PosePass::finish(Pipeline& pipeline) {
         if (rows.size() == before) rows.push_back(all_[frame]);
     }
     return rows;
-}
-
-double PosePass::tracked_residual_m() const {
-    std::vector<double> residuals_m = tracked_residuals_m_;
-    return residuals_m.empty() ? 0 : median_of(residuals_m);
 }
 
 const PosePass::Subject* PosePass::main() const {

@@ -48,8 +48,6 @@ class PosePass {
     void add(const FrameResult& result, Pipeline& pipeline);
     // All frames, filtered, in order; those of one frame in the order of the subjects' ids.
     std::vector<PoseRow> finish(Pipeline& pipeline);
-    // Median contour residual of the poses as the pipeline tracked them, m; 0: none.
-    double tracked_residual_m() const;
     // Of the subject; null before finish() or if no subject was found. With several, of the one that was
     // seen in most frames.
     const BodyShape* body() const;
@@ -93,7 +91,6 @@ class PosePass {
     bool lone_, selected_;
     std::vector<PoseRow> all_;  // per frame, without subject
     std::vector<std::unique_ptr<Subject>> subjects_;
-    std::vector<double> tracked_residuals_m_;
 };
 
 }  // namespace kinevox

@@ -182,7 +182,6 @@ struct Run {
     double fps = 0, wall_s = 0;
     RunSummary summary;
     PoseFitSummary poses;
-    double tracked_residual_m = 0;  // median of the poses' contour residual, before they are refined
     quality::QualityReport quality;
 };
 
@@ -191,10 +190,8 @@ class SessionRuns {
     SessionRuns(const std::string& fingerprint, const std::atomic<bool>& stop)
         : fingerprint_(fingerprint), stop_(stop) {}
 
-    // Processes the session and adds the results to the writer, as its latest version. Ends before poses are
-    // refined, without any in the summary, if their residual exceeds `max_tracked_residual_m`.
-    absl::StatusOr<Run> run(const ProcessOptions& options,
-                            double max_tracked_residual_m = std::numeric_limits<double>::infinity());
+    // Processes the session and adds the results to the writer, as its latest version.
+    absl::StatusOr<Run> run(const ProcessOptions& options);
     ResultWriter& writer() { return *writer_; }
 
   private:
@@ -244,7 +241,7 @@ absl::Status SessionRuns::each_frame_set(const ProcessOptions& options, FrameSou
     return absl::OkStatus();
 }
 
-absl::StatusOr<Run> SessionRuns::run(const ProcessOptions& options, double max_tracked_residual_m) {
+absl::StatusOr<Run> SessionRuns::run(const ProcessOptions& options) {
     SessionSourceOptions source_options;
     source_options.decode_in_bursts = options.decode_in_bursts;
     auto source = open_session_source(options.session_file, source_options);
@@ -278,8 +275,6 @@ absl::StatusOr<Run> SessionRuns::run(const ProcessOptions& options, double max_t
         !done.ok())
         return done;
     run.wall_s = running.seconds();
-    if (poses) run.tracked_residual_m = poses->tracked_residual_m();
-    if (run.tracked_residual_m > max_tracked_residual_m) return run;
     writer_->add_table({"calibration.toml", calibration_toml((*source)->cameras())});
     for (Table& table : certificate_tables(options.session_file)) writer_->add_table(std::move(table));
     const std::vector<PoseRow> rows = poses ? poses->finish(**pipeline) : std::vector<PoseRow>{};
@@ -302,9 +297,6 @@ bool may_lack_parts(const Run& run) {
     return run.poses.contour_residual_m.value_or(0) > quality::kMaxContourResidual_m &&
            quality::may_lack_parts(run.quality.causes);
 }
-
-// Of residuals before poses are refined, which hardly changes their ratio: not better, surely.
-constexpr double kMaxTrackedRatio = 1.02;
 
 // Shadows taken for the subject fit no body either, so the residual decides between the two rules, together
 // with the joints that neither shows.
@@ -347,7 +339,7 @@ absl::Status process_session(const ProcessOptions& requested, const std::atomic<
             fmt::print(
                 "silhouettes may lack parts of the subject; processing the session again with "
                 "segmentation.judge_faint\n");
-        auto again = runs.run(with_faint(options), kMaxTrackedRatio * run->tracked_residual_m);
+        auto again = runs.run(with_faint(options));
         if (!again.ok()) return again.status();
         if (is_better(again->poses, run->poses)) {
             run = std::move(again);
