@@ -16,8 +16,6 @@ constexpr double kRememberInterval_s = 0.2;
 constexpr double kLoneInterval_s = 1;          // of a lone subject, so that it costs no time
 constexpr std::size_t kFirstObservations = 8;  // of it, at the shorter interval
 constexpr double kMinGroup_m = 0.7;            // extent of two people's volume
-constexpr double kMaxGrowthRatio = 1.5;        // of a person's volume
-constexpr double kMaxBeside_s = 0.5;
 constexpr double kApart_m = 0.2;  // between two subjects' boxes, if neither has cells of the other
 
 bool are_beside(const CellStatistics& a, const CellStatistics& b) {
@@ -89,39 +87,29 @@ void SceneTracker::remember(std::int64_t time_ns) {
     }
 }
 
-// Frees the cells of newcomers next to subjects, which find_new() judges. Those who do not become subjects
-// soon belong to the subject: it has grown.
-void SceneTracker::keep_newcomers(std::int64_t time_ns) {
+// Frees the cells of newcomers next to subjects, which find_new() judges.
+void SceneTracker::keep_newcomers() {
     if (beside_.empty()) return;
-    const std::int64_t since_ns = std::ranges::min_element(beside_, {}, &Newcomers::since_ns)->since_ns;
-    const bool expired = time_ns - since_ns > static_cast<std::int64_t>(1e9 * kMaxBeside_s);
     beside_.clear();
     for (Cells& part : grid_.parts(kNewcomersLabel)) {
         grid_.free(part);
-        const CellStatistics statistics = grid_.statistics(part);
-        if (expired) {
-            for (Subject& subject : subjects_)
-                if (are_beside(subject.shape, statistics)) subject.usual_litres += statistics.litres;
-        } else if (is_upright(part)) {
-            beside_.push_back({std::move(part), since_ns});
-        }
+        if (is_upright(part)) beside_.push_back(std::move(part));
     }
 }
 
 // Frees what another person adds to a subject's cells who appears next to it, and returns the others: the
-// trunk nearest to the expected centre.
-Cells SceneTracker::without_newcomers(const Subject& subject, Cells own, std::int64_t time_ns) {
+// trunk nearest to where the subject was before it grew.
+Cells SceneTracker::without_newcomers(const Subject& subject, Cells own) {
     if (grid_.statistics(own).litres <= kMaxGrowthRatio * subject.usual_litres) return own;
     std::vector<Cells> shares = split_by_trunks(grid_, own);
     if (std::ranges::count_if(shares, [&](const Cells& share) { return is_upright(share); }) < 2) return own;
-    const Vec3 expected = subject.filter.centre_in_world();
     const auto distance_m = [&](const Cells& share) {
-        const Vec3 offset = grid_.statistics(share).centre_in_world - expected;
+        const Vec3 offset = grid_.statistics(share).centre_in_world - subject.usual_centre;
         return std::hypot(offset.x, offset.y);
     };
     const auto kept = std::ranges::min_element(shares, {}, distance_m);
     for (auto share = shares.begin(); share != shares.end(); ++share)
-        if (share != kept) grid_.free(*share), beside_.push_back({std::move(*share), time_ns});
+        if (share != kept) grid_.free(*share), beside_.push_back(std::move(*share));
     return std::move(*kept);
 }
 

@@ -20,7 +20,8 @@ namespace {
 constexpr double kMaxGrowth_m = 0.5;  // of a subject's shape from one frame set to the next
 constexpr double kBeside_m = 0.2;     // between a subject's largest part and its others, horizontally
 
-constexpr double kMinPerson_litres = 20, kMinUprightTop_m = 1.0, kMaxUprightBottom_m = 0.5;
+constexpr double kMinPerson_litres = 20, kMaxPerson_litres = 1000;
+constexpr double kMinUprightTop_m = 1.0, kMaxUprightBottom_m = 0.5;
 constexpr double kMinLyingLength_m = 0.7;
 constexpr double kTall_m = 1.3;  // of most people who stand, and of little furniture
 constexpr double kMinSubject_litres = 8;
@@ -73,6 +74,7 @@ void SceneTracker::reset() {
 
 void SceneTracker::begin(std::uint32_t last_id) {
     subjects_.clear();
+    beside_.clear();
     last_id_ = std::max(last_id_, last_id);
     predictions_ = 0;
 }
@@ -85,6 +87,7 @@ void SceneTracker::take_over(const TrackedState& taken, const kernels::VoxelVolu
     subject.cells = grid_.cells_of(shape);
     subject.shape = grid_.statistics(subject.cells);
     subject.usual_litres = subject.shape.litres;
+    subject.usual_centre = subject.shape.centre_in_world;
     subject.last_seen_ns = taken.last_measured_ns;
     subject.seen = true;
     subject.followed = Followed::kYes;
@@ -122,8 +125,7 @@ std::vector<kernels::SegmentationPrior> SceneTracker::predict(std::int64_t time_
     const auto interval = static_cast<std::uint64_t>(
         std::max(1.0, std::round(std::min(options_.full_pass_interval_s, kMaxPassInterval_s) * fps_)));
     // All cameras at once, unlike for one subject: a new subject must show in all of them.
-    whole_images_ =
-        subjects_.empty() || !pending_.empty() || !beside_.empty() || predictions_ % interval == 0;
+    whole_images_ = subjects_.empty() || !pending_.empty() || predictions_ % interval == 0;
     ++predictions_;
     std::vector<kernels::SegmentationPrior> priors(cameras_.size());
     if (whole_images_) {
@@ -197,13 +199,13 @@ void SceneTracker::carve_in(const kernels::Lattice& lattice, const SilhouettesBy
 }
 
 // Gives each subject the cells of its last shape, moved as expected, and what is connected with them.
-void SceneTracker::claim(std::int64_t time_ns) {
+void SceneTracker::claim() {
     const auto cells = [&](double m) { return static_cast<int>(std::lround(m / grid_.cell_m())); };
     for (const Subject& s : subjects_)
         grid_.give(s.cells, {cells(s.motion.x), cells(s.motion.y), cells(s.motion.z)}, s.label);
-    for (const Newcomers& each : beside_) grid_.give(each.cells, {0, 0, 0}, kNewcomersLabel);
+    for (const Cells& each : beside_) grid_.give(each, {0, 0, 0}, kNewcomersLabel);
     grid_.flood(cells(kMaxGrowth_m));
-    keep_newcomers(time_ns);
+    keep_newcomers();
     for (Subject& subject : subjects_) {
         std::vector<Cells> parts = grid_.parts(subject.label);
         subject.seen = false;
@@ -226,15 +228,17 @@ void SceneTracker::claim(std::int64_t time_ns) {
             else
                 grid_.free(parts[k]);
         }
-        own = without_newcomers(subject, std::move(own), time_ns);
+        own = without_newcomers(subject, std::move(own));
         const CellStatistics shape = grid_.statistics(own);
-        if (shape.litres < kMinSubject_litres) {
+        if (shape.litres < kMinSubject_litres || shape.litres > kMaxPerson_litres) {
             grid_.free(own);
             continue;
         }
         subject.cells = std::move(own);
         subject.shape = shape;
         subject.seen = true;
+        if (shape.litres <= kMaxGrowthRatio * subject.usual_litres)
+            subject.usual_centre = shape.centre_in_world;
         subject.usual_litres += kUsualGain * (shape.litres - subject.usual_litres);
     }
 }
@@ -268,8 +272,9 @@ bool SceneTracker::is_upright(const Cells& part) const {
 
 // Who enters is upright; the first subject may lie or crouch from the start.
 bool SceneTracker::may_start(const Cells& part) const {
-    if (is_upright(part)) return true;
     const CellStatistics s = grid_.statistics(part);
+    if (s.litres > kMaxPerson_litres) return false;
+    if (is_upright(part)) return true;
     const Vec3 extent = s.max_in_world - s.min_in_world;
     return subjects_.empty() && s.litres >= kMinPerson_litres &&
            std::max({extent.x, extent.y, extent.z}) >= kMinLyingLength_m;
@@ -334,6 +339,7 @@ void SceneTracker::start(const Cells& cells, const std::optional<Recognition>& k
     subject.cells = cells;
     subject.shape = grid_.statistics(cells);
     subject.usual_litres = subject.shape.litres;
+    subject.usual_centre = subject.shape.centre_in_world;
     subject.filter = CentreFilter(options_.filter);
     subject.filter.start(subject.shape.centre_in_world, centre_covariance());
     subject.last_seen_ns = time_ns;
@@ -448,7 +454,7 @@ SceneUpdate SceneTracker::update(std::uint64_t sequence, std::int64_t time_ns,
     SceneUpdate update;
     look_at(silhouettes, images);
     carve(silhouettes);
-    claim(time_ns);
+    claim();
     measure(time_ns);
     if (whole_images_) find_new(time_ns, silhouettes);
     drop_lost(sequence, time_ns, update);
@@ -462,8 +468,8 @@ SceneUpdate SceneTracker::update(std::uint64_t sequence, std::int64_t time_ns,
         else if (subject.seen)
             update.bystanders.push_back({subject.id, grid_.volume_of(subject.cells)});
     }
-    std::erase_if(beside_, [&](const Newcomers& each) { return !grid_.is_free(each.cells.front()); });
-    for (const Newcomers& each : beside_) update.bystanders.push_back({0, grid_.volume_of(each.cells)});
+    std::erase_if(beside_, [&](const Cells& each) { return !grid_.is_free(each.front()); });
+    for (const Cells& each : beside_) update.bystanders.push_back({0, grid_.volume_of(each)});
     return update;
 }
 

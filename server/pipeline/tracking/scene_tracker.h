@@ -102,6 +102,7 @@ class SceneTracker {
         CellStatistics shape;
         Vec3 motion;
         double usual_litres = 0;
+        Vec3 usual_centre;  // when it last had hardly more
         std::int64_t last_seen_ns = 0;
         bool seen = false;  // in the last update
         Followed followed = Followed::kTooMany;
@@ -113,10 +114,7 @@ class SceneTracker {
         int frames = 0;
         Appearance appearance;  // sum of them
     };
-    struct Newcomers {  // who appeared next to a subject, not tracked yet
-        Cells cells;
-        std::int64_t since_ns = 0;
-    };
+    static constexpr double kMaxGrowthRatio = 1.5;  // of a person's volume
     static constexpr std::uint8_t kNewcomersLabel = 253;
     using SilhouettesByCamera = std::vector<const kernels::Silhouettes*>;
 
@@ -125,9 +123,9 @@ class SceneTracker {
     std::int64_t remembered_since_ns(std::int64_t time_ns) const;
     void carve(const SilhouettesByCamera& silhouettes);
     void carve_in(const kernels::Lattice& lattice, const SilhouettesByCamera& silhouettes);
-    void claim(std::int64_t time_ns);
-    void keep_newcomers(std::int64_t time_ns);
-    Cells without_newcomers(const Subject& subject, Cells own, std::int64_t time_ns);
+    void claim();
+    void keep_newcomers();
+    Cells without_newcomers(const Subject& subject, Cells own);
     void adopt_small_parts();
     bool is_upright(const Cells& part) const;
     bool may_start(const Cells& part) const;
@@ -158,7 +156,7 @@ class SceneTracker {
     kernels::VoxelVolume hull_;
     std::vector<Subject> subjects_;  // in the order of their ids
     std::vector<Pending> pending_, still_pending_;
-    std::vector<Newcomers> beside_;
+    std::vector<Cells> beside_;          // people who appeared next to subjects, not tracked yet
     std::vector<AppearanceView> views_;  // of the current frame set; empty without images
     SubjectMemory memory_;
     std::int64_t last_remembered_ns_ = 0;

@@ -229,6 +229,18 @@ TEST(SceneTracker, KeepsIdsWhenAnotherPersonAppearsNextToOne) {
     EXPECT_EQ(People::id_at(update, appears), 3u);
 }
 
+// As white images show it.
+TEST(SceneTracker, TakesNothingLargerThanPeopleForSubject) {
+    People people(4);
+    people.show({{0.1, 0.2, 0}, {-1.1, -0.9, 0}});
+    SceneUpdate update;
+    for (int n = 0; n < 4; ++n) update = people.show_bodies({{{0, 0, 1}, {1.6, 1.6, 1.2}}});
+    for (const SceneSubject& subject : update.subjects) EXPECT_FALSE(subject.lattice.has_value());
+    People first(4);
+    for (int n = 0; n < 4; ++n) update = first.show_bodies({{{0, 0, 1}, {1.6, 1.6, 1.2}}});
+    EXPECT_THAT(update.subjects, IsEmpty());
+}
+
 // Twice the volume, but one trunk.
 TEST(SceneTracker, KeepsSubjectWholeWhoTakesUpSomethingLarge) {
     People people(4);
