@@ -192,6 +192,11 @@ kernels::Rect projected_box(const Camera& camera, const Box3& box, double* fract
     return inside;
 }
 
+bool shows(const Camera& camera, Vec3 in_world) {
+    const auto pixel = camera.project(in_world);
+    return pixel && pixel->x >= 0 && pixel->y >= 0 && pixel->x < camera.width && pixel->y < camera.height;
+}
+
 std::optional<Box3> missing_legs_space(Vec3 centre_in_world, double missing_below_m) {
     if (missing_below_m <= kMaxFeetHeight_m) return std::nullopt;
     const Vec3& c = centre_in_world;

@@ -40,6 +40,9 @@ Box3 box_of(const kernels::Lattice& lattice);
 // projected box inside the image, 0..1.
 kernels::Rect projected_box(const Camera& camera, const Box3& box, double* fraction_inside = nullptr);
 
+// Whether a point's pixel lies in the camera's image.
+bool shows(const Camera& camera, Vec3 in_world);
+
 // The part of a silhouette's bounds to which a box can project, with a margin for distortion.
 kernels::Rect cropped_to(const kernels::Rect& bounds, const Camera& camera, const Box3& box);
 
@@ -56,7 +59,8 @@ inline constexpr double kMaxStride_m = 0.6;
 // legs that look like it. Empty where no more than the feet are missing.
 std::optional<Box3> missing_legs_space(Vec3 centre_in_world, double missing_below_m);
 
-// Below this fraction of a subject's box inside its image, a camera need not see the subject.
+// Below this fraction of a subject, or of the box around it, inside its image, a camera need not see the
+// subject.
 inline constexpr double kMinExpectedInside = 0.5;
 
 // Of the box's corners along the camera's axis, m; negative behind it.

@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kEdge = kernels::kBrickEdge;
 
-constexpr std::size_t kSampledCells = 1000;
+constexpr std::size_t kSampledCells = 1000;  // for the fraction that a camera shows
 
 // Trunks of people who stand, kneel or bend slightly.
 constexpr double kTrunkFrom_m = 0.8, kTrunkTo_m = 1.5;
@@ -242,11 +242,8 @@ CellStatistics OccupiedCells::statistics(const Cells& cells) const {
 double OccupiedCells::fraction_in_view(const Cells& cells, const Camera& camera) const {
     const std::size_t step = std::max<std::size_t>(1, cells.size() / kSampledCells);
     std::size_t sampled = 0, inside = 0;
-    for (std::size_t n = 0; n < cells.size(); n += step, ++sampled) {
-        const auto pixel = camera.project(centre_in_world(cells[n]));
-        inside +=
-            pixel && pixel->x >= 0 && pixel->y >= 0 && pixel->x < camera.width && pixel->y < camera.height;
-    }
+    for (std::size_t n = 0; n < cells.size(); n += step, ++sampled)
+        inside += shows(camera, centre_in_world(cells[n]));
     return sampled == 0 ? 0 : static_cast<double>(inside) / static_cast<double>(sampled);
 }
 

@@ -97,10 +97,9 @@ void SceneTracker::keep_newcomers() {
     }
 }
 
-// Frees what another person adds to a subject's cells who appears next to it, and returns the others: the
-// trunk nearest to where the subject was before it grew.
+// Of a subject that has grown: frees what another person adds who appears next to it, and returns the
+// others: the trunk nearest to where the subject was before it grew.
 Cells SceneTracker::without_newcomers(const Subject& subject, Cells own) {
-    if (grid_.statistics(own).litres <= kMaxGrowthRatio * subject.usual_litres) return own;
     std::vector<Cells> shares = split_by_trunks(grid_, own);
     if (std::ranges::count_if(shares, [&](const Cells& share) { return is_upright(share); }) < 2) return own;
     const auto distance_m = [&](const Cells& share) {

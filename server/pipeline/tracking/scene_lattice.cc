@@ -21,12 +21,10 @@ Box3 observed_box(const std::vector<Camera>& cameras) {
     Box3 box{{kFar, kFar, kSceneFloor_m}, {-kFar, -kFar, kTo_m}};
     for (double y = middle.y - kRange_m; y <= middle.y + kRange_m; y += kStep_m)
         for (double x = middle.x - kRange_m; x <= middle.x + kRange_m; x += kStep_m) {
-            std::size_t views = 0;
-            for (const Camera& c : cameras) {
-                const auto pixel = c.project({x, y, kChest_m});
-                views += pixel && pixel->x >= 0 && pixel->y >= 0 && pixel->x < c.width && pixel->y < c.height;
-            }
-            if (views < needed) continue;
+            const auto views = std::ranges::count_if(cameras, [&](const Camera& camera) {
+                return shows(camera, {x, y, kChest_m});
+            });
+            if (static_cast<std::size_t>(views) < needed) continue;
             box.min_in_world = {std::min(box.min_in_world.x, x), std::min(box.min_in_world.y, y),
                                 kSceneFloor_m};
             box.max_in_world = {std::max(box.max_in_world.x, x), std::max(box.max_in_world.y, y), kTo_m};

@@ -79,17 +79,22 @@ void SceneTracker::begin(std::uint32_t last_id) {
     predictions_ = 0;
 }
 
+// The shape with which a subject begins.
+void SceneTracker::begin_with(Subject& subject, Cells cells, std::int64_t time_ns) const {
+    subject.shape = grid_.statistics(cells);
+    subject.cells = std::move(cells);
+    subject.usual_litres = subject.shape.litres;
+    subject.usual_centre = subject.shape.centre_in_world;
+    subject.last_seen_ns = time_ns;
+    subject.seen = true;
+}
+
 void SceneTracker::take_over(const TrackedState& taken, const kernels::VoxelVolume& shape) {
     Subject subject;
     subject.id = taken.id;
     subject.label = 1;
     subject.filter = taken.filter;
-    subject.cells = grid_.cells_of(shape);
-    subject.shape = grid_.statistics(subject.cells);
-    subject.usual_litres = subject.shape.litres;
-    subject.usual_centre = subject.shape.centre_in_world;
-    subject.last_seen_ns = taken.last_measured_ns;
-    subject.seen = true;
+    begin_with(subject, grid_.cells_of(shape), taken.last_measured_ns);
     subject.followed = Followed::kYes;
     subject.followed_before = true;
     subjects_.push_back(std::move(subject));
@@ -228,8 +233,11 @@ void SceneTracker::claim() {
             else
                 grid_.free(parts[k]);
         }
-        own = without_newcomers(subject, std::move(own));
-        const CellStatistics shape = grid_.statistics(own);
+        CellStatistics shape = grid_.statistics(own);
+        if (shape.litres > kMaxGrowthRatio * subject.usual_litres) {
+            own = without_newcomers(subject, std::move(own));
+            shape = grid_.statistics(own);
+        }
         if (shape.litres < kMinSubject_litres || shape.litres > kMaxPerson_litres) {
             grid_.free(own);
             continue;
@@ -264,8 +272,7 @@ void SceneTracker::adopt_small_parts() {
 }
 
 // Whether a part has the size of a person who stands or walks.
-bool SceneTracker::is_upright(const Cells& part) const {
-    const CellStatistics s = grid_.statistics(part);
+bool SceneTracker::is_upright(const CellStatistics& s) {
     return s.litres >= kMinPerson_litres && s.max_in_world.z >= kMinUprightTop_m &&
            s.min_in_world.z <= kMaxUprightBottom_m;
 }
@@ -274,7 +281,7 @@ bool SceneTracker::is_upright(const Cells& part) const {
 bool SceneTracker::may_start(const Cells& part) const {
     const CellStatistics s = grid_.statistics(part);
     if (s.litres > kMaxPerson_litres) return false;
-    if (is_upright(part)) return true;
+    if (is_upright(s)) return true;
     const Vec3 extent = s.max_in_world - s.min_in_world;
     return subjects_.empty() && s.litres >= kMinPerson_litres &&
            std::max({extent.x, extent.y, extent.z}) >= kMinLyingLength_m;
@@ -336,14 +343,9 @@ void SceneTracker::start(const Cells& cells, const std::optional<Recognition>& k
     for (subject.label = 1;
          std::ranges::any_of(subjects_, [&](const Subject& other) { return other.label == subject.label; });)
         ++subject.label;
-    subject.cells = cells;
-    subject.shape = grid_.statistics(cells);
-    subject.usual_litres = subject.shape.litres;
-    subject.usual_centre = subject.shape.centre_in_world;
+    begin_with(subject, cells, time_ns);
     subject.filter = CentreFilter(options_.filter);
     subject.filter.start(subject.shape.centre_in_world, centre_covariance());
-    subject.last_seen_ns = time_ns;
-    subject.seen = true;
     grid_.give(cells, {0, 0, 0}, subject.label);
     subject.found_as =
         known ? fmt::format("recognised ({:.0f} % sure)", std::floor(100 * known->probability)) : "found";

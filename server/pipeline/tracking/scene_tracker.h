@@ -114,8 +114,8 @@ class SceneTracker {
         int frames = 0;
         Appearance appearance;  // sum of them
     };
-    static constexpr double kMaxGrowthRatio = 1.5;  // of a person's volume
-    static constexpr std::uint8_t kNewcomersLabel = 253;
+    static constexpr double kMaxGrowthRatio = 1.5;        // of a person's volume
+    static constexpr std::uint8_t kNewcomersLabel = 253;  // above those of subjects
     using SilhouettesByCamera = std::vector<const kernels::Silhouettes*>;
 
     void look_at(const SilhouettesByCamera& silhouettes, std::span<const kernels::ImageView> images);
@@ -123,11 +123,13 @@ class SceneTracker {
     std::int64_t remembered_since_ns(std::int64_t time_ns) const;
     void carve(const SilhouettesByCamera& silhouettes);
     void carve_in(const kernels::Lattice& lattice, const SilhouettesByCamera& silhouettes);
+    void begin_with(Subject& subject, Cells cells, std::int64_t time_ns) const;
     void claim();
     void keep_newcomers();
     Cells without_newcomers(const Subject& subject, Cells own);
     void adopt_small_parts();
-    bool is_upright(const Cells& part) const;
+    static bool is_upright(const CellStatistics& part);
+    bool is_upright(const Cells& part) const { return is_upright(grid_.statistics(part)); }
     bool may_start(const Cells& part) const;
     int views_that_need(const Cells& part, const SilhouettesByCamera& silhouettes,
                         std::vector<std::vector<std::uint8_t>>& explained) const;

@@ -1,7 +1,6 @@
 // The world's tilt from the cameras' rolls and a person who stands.
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <numbers>
 
 #include "server/quality/samples.h"
@@ -15,6 +14,8 @@ using kinevox::testing::body_at;
 using kinevox::testing::camera_at;
 using kinevox::testing::kStandingCentre_m;
 using kinevox::testing::silhouettes_of;
+
+constexpr double kDegree = std::numbers::pi / 180;
 
 std::vector<Camera> three_cameras() {
     return {camera_at("north", {4, 4, 2.2}, {0, 0, 1}), camera_at("east", {4, -4, 1.8}, {0, 0, 1}),
@@ -32,30 +33,20 @@ SilhouetteSet silhouettes_in(const std::vector<Camera>& cameras) {
     return set;
 }
 
-Mat3 about_z(double degrees) {
-    const double a = degrees * std::numbers::pi / 180;
-    return {{std::cos(a), -std::sin(a), 0, std::sin(a), std::cos(a), 0, 0, 0, 1}};
-}
-
-Mat3 about_x(double degrees) {
-    const double a = degrees * std::numbers::pi / 180;
-    return {{1, 0, 0, 0, std::cos(a), -std::sin(a), 0, std::sin(a), std::cos(a)}};
-}
-
 TEST(MeasureWorld, FindsTiltOfWorldWithThreeCameras) {
     Samples seen{.cameras = three_cameras(), .background = {}, .samples = {}};
     const SilhouetteSet subject = silhouettes_in(seen.cameras);
     EXPECT_LT(measure_world(seen, subject).tilt_deg.value_or(90), 1);
     for (Camera& camera : seen.cameras)
-        camera.camera_from_world.rotation = camera.camera_from_world.rotation * about_x(15);
+        camera.camera_from_world.rotation = camera.camera_from_world.rotation * rotation_x(15 * kDegree);
     EXPECT_NEAR(measure_world(seen, subject).tilt_deg.value_or(0), 15, 1);
 }
 
 TEST(MeasureWorld, TakesRolledCameraForNoTiltWhereSubjectIsUpright) {
     std::vector<Camera> cameras = three_cameras();
     Rigid3& rolled = cameras[0].camera_from_world;
-    rolled.rotation = about_z(25) * rolled.rotation;
-    rolled.translation = about_z(25) * rolled.translation;
+    rolled.rotation = rotation_z(25 * kDegree) * rolled.rotation;
+    rolled.translation = rotation_z(25 * kDegree) * rolled.translation;
     const Samples seen{.cameras = cameras, .background = {}, .samples = {}};
     EXPECT_FALSE(measure_world(seen, silhouettes_in(cameras)).tilt_deg.has_value());
 }
