@@ -11,6 +11,7 @@
 #include <optional>
 #include <utility>
 
+#include "common/geometry.h"
 #include "common/to_eigen.h"
 #include "server/pose/body_prior.h"
 #include "server/pose/floating_body.h"
@@ -29,6 +30,9 @@ constexpr std::size_t kHeldOutFrames = 8, kHeldOutInterval = 6;
 // Starts of the fit, relative to the given body; one of the others replaces it if it costs clearly less.
 constexpr std::array<double, 3> kStartScales{1, 0.88, 1.14};
 constexpr double kClearlyBetter = 0.9, kCostWithoutPose = 5000;
+
+// Another start of the fit, hair relative to the stature: from little hair, the head may tilt back instead.
+constexpr double kLongHair = 0.035, kHeadForwards_rad = 15 * kDegree;
 
 constexpr double kMinGrowth_m = 0.02;  // of the stature by legs that stand: a raised heel adds less
 constexpr double kFloatingCost = 5;    // negative log odds of a subject that stands on something invisible
@@ -142,7 +146,8 @@ class JointFit {
 
     // All frame sets count as `independent` ones: their errors are correlated, as the surface only
     // approximates the body.
-    void descend(double robust_m, int steps, double independent) {
+    // Returns the cost.
+    double descend(double robust_m, int steps, double independent) {
         robust_m_ = robust_m;
         share_ = std::min(1.0, independent / static_cast<double>(frames_.size()));
         double cost = linearise(shape_, postures_), damping = 1e-3;
@@ -155,13 +160,21 @@ class JointFit {
                 const double gained = (cost - trial) / cost;
                 cost = trial, shape_ = shape, postures_ = postures;
                 damping = std::max(1e-5, damping / 5);
-                if (gained < 1e-4) return;
+                if (gained < 1e-4) return cost;
             } else {
                 damping *= 8;
-                if (damping > 1e4) return;
+                if (damping > 1e4) return cost;
                 linearise(shape_, postures_);
             }
         }
+        return cost;
+    }
+    // The same with long hair, and so with the head less far back.
+    void grow_hair() {
+        shape_[kHairBack] = kLongHair * shape_.stature_m;
+        const Mat3 forwards = rotation_y(kHeadForwards_rad);
+        for (BodyPosture& posture : postures_)
+            posture.parent_from_segment[kHead] = posture.parent_from_segment[kHead] * forwards;
     }
     const BodyShape& shape() const { return shape_; }
     const std::vector<BodyPosture>& postures() const { return postures_; }
@@ -423,7 +436,10 @@ std::optional<BodyFit> fit_lengths(std::span<const ObservedPosture> all, const B
         joint.emplace(std::move(observations), std::move(postures), start, posing, options, stop);
     };
     start_with(used);
-    joint->descend(2 * fitting.narrow_m, options.steps, 1);
+    const double cost = joint->descend(2 * fitting.narrow_m, options.steps, 1);
+    JointFit with_hair = *joint;
+    with_hair.grow_hair();
+    if (with_hair.descend(2 * fitting.narrow_m, options.steps, 1) < cost) joint = std::move(with_hair);
     // A frame set that the body explains much worse than the others has bad silhouettes or a wrong pose.
     const std::vector<double> explained = joint->explained_fractions(fitting.narrow_m);
     std::vector<double> sorted = explained;

@@ -37,6 +37,7 @@ const std::array<BodyLengthInfo, kBodyLengthCount> kBodyLengths{{
     {"chest_back", 0.058, 0.14},
     {"neck_radius", 0.029, 0.15},
     {"head_radius", 0.0505, 0.08},
+    {"hair_back", 0.004, 1.2},
     {"thigh_radius", 0.0485, 0.15},
     {"knee_radius", 0.0292, 0.15},
     {"calf_radius", 0.0327, 0.15},
@@ -76,8 +77,8 @@ absl::StatusOr<BodyShape> read_body_shape(const std::filesystem::path& file) {
     shape.stature_m = root.number("stature_m", {0.5, 2.5});
     for (int k = 0; k < kBodyLengthCount; ++k) {
         const std::string key = fmt::format("{}_m", kBodyLengths[k].name);
-        const bool later = k == kPelvisBack || k == kWaistBack || k == kChestBack ||
-                           k == kShoulderRise;  // absent in older files
+        const bool later = k == kPelvisBack || k == kWaistBack || k == kChestBack || k == kShoulderRise ||
+                           k == kHairBack;  // absent in older files
         shape.lengths_m[k] =
             later ? root.number_or(key, kBodyLengths[k].fraction_of_stature * shape.stature_m, {0.001, 2})
                   : root.number(key, {0.001, 2});

@@ -41,6 +41,7 @@ enum BodyLength : int {
     kChestBack,  // from the spine's axis to the surface behind it
     kNeckRadius,
     kHeadRadius,
+    kHairBack,     // how far long hair, a knot or a tail extends behind the head; short hair: < 1 cm
     kThighRadius,  // a quarter of the way from hip to knee
     kKneeRadius,
     kCalfRadius,

@@ -68,6 +68,10 @@ void add_head(const BodyShape& s, Surface& surface) {
                   {{0.23 * radius, 0, 0, 0.78 * radius}, {-0.08 * radius, 0, 1.06 * top - radius, radius}});
     surface.chain(kHead, {{0.72 * radius, 0, -0.36 * radius, 0.47 * radius},
                           {0.35 * radius, 0, 1.13 * top - 1.02 * radius, 0.88 * radius}});
+    // Long hair, a knot or a tail; short hair is within the head.
+    const double back = s[kHairBack];
+    surface.chain(kHead, {{-0.6 * radius - back, 0, 0.35 * top, 0.42 * radius},
+                          {-0.77 * radius - back, 0, 0.35 * top - 2 * back, 0.25 * radius}});
 }
 
 void add_leg(const BodyShape& s, double side, int thigh, int shank, int foot, Surface& surface) {

@@ -103,10 +103,27 @@ TEST(BodyFit, DoesNotUseFrameSetsThatContradict) {
     EXPECT_NEAR(fit->shape.stature_m, 1.75, 0.03);
 }
 
-TEST(BodyShape, ReadsFilesWithoutDistancesToBack) {
+TEST(BodyFit, FindsLongHair) {
+    BodyShape shape = default_body_shape(1.7);
+    shape[kHairBack] = 0.07;
+    const auto model = std::make_shared<BodyModel>(shape);
+    const auto fit =
+        Trial(1.7, 12, [&](testing::SeenBody& body, BodyCoordinates&) { body.model = model; }).fit();
+    ASSERT_TRUE(fit.ok()) << fit.status();
+    EXPECT_NEAR(fit->shape[kHairBack], 0.07, 0.015);
+    EXPECT_NEAR(fit->shape[kHeadRadius], shape[kHeadRadius], 0.005);
+}
+
+TEST(BodyFit, AddsNoHair) {
+    const auto fit = Trial(1.7).fit();
+    ASSERT_TRUE(fit.ok()) << fit.status();
+    EXPECT_LT(fit->shape[kHairBack], 0.015);
+}
+
+TEST(BodyShape, ReadsFilesWithoutLaterLengths) {
     const BodyShape shape = default_body_shape(1.8);
     std::string text = body_shape_toml(shape);
-    for (const char* key : {"pelvis_back_m", "waist_back_m", "chest_back_m"}) {
+    for (const char* key : {"pelvis_back_m", "waist_back_m", "chest_back_m", "shoulder_rise_m", "hair_back_m"}) {
         const std::size_t at = text.find(key);
         ASSERT_NE(at, std::string::npos);
         text.erase(at, text.find('\n', at) + 1 - at);
