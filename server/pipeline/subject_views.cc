@@ -16,6 +16,8 @@ namespace {
 // The projections are dilated by this fraction of the image height: a silhouette is up to a voxel and its own
 // error wider than the volume that it carved.
 constexpr int kDilation = 100;
+// Maximum foreground beside a projection that belongs to it, relative to that inside. More is clutter.
+constexpr double kMaxBeside = 0.2;
 
 // Of an image with `pixels`, nothing set.
 void clear(std::size_t pixels, int width, ForegroundPart& part) {
@@ -49,7 +51,54 @@ std::int64_t add_foreground(const kernels::Silhouettes& seen, const std::vector<
     return common;
 }
 
+// The shape whose projection sets one of these pixels; kSeveral if more do, `before` if none does.
+constexpr int kNone = -1, kSeveral = -2;
+int shape_at(std::size_t begin, std::size_t end, const auto& projections, int before) {
+    for (std::size_t k = 0; k < projections.size(); ++k) {
+        const auto& mask = projections[k].mask;
+        if (std::any_of(mask.begin() + begin, mask.begin() + end, [](std::uint8_t set) { return set != 0; }))
+            before = before == kNone || before == static_cast<int>(k) ? static_cast<int>(k) : kSeveral;
+    }
+    return before;
+}
+
 }  // namespace
+
+void SubjectSeparator::extend_projections(const kernels::Silhouettes& seen, View& view) {
+    view.outside.resize(seen.sharp.size());
+    std::vector<std::int64_t> inside(view.projections.size(), 0), beside(view.projections.size(), 0);
+    for (int y = seen.bounds.y0; y < seen.bounds.y1; ++y)
+        for (int x = seen.bounds.x0; x < seen.bounds.x1; ++x) {
+            const std::size_t at = static_cast<std::size_t>(y) * seen.width + x;
+            view.outside[at] = seen.sharp[at];
+            for (std::size_t k = 0; k < view.projections.size(); ++k) {
+                const bool set = seen.sharp[at] && view.projections[k].mask[at];
+                inside[k] += set;
+                if (set) view.outside[at] = 0;
+            }
+        }
+    view.components.find(view.outside.data(), seen.width, seen.bounds, true, true);
+    view.beside.assign(view.components.components.size(), kNone);
+    for (const kernels::cpu::Run& run : view.components.runs) {
+        int& shape = view.beside[run.component];
+        const int x0 = std::max(run.x0 - 1, 0), x1 = std::min(run.x1 + 1, seen.width);
+        for (int y = std::max(run.y - 1, 0); y <= std::min(run.y + 1, seen.height - 1); ++y) {
+            const std::size_t row = static_cast<std::size_t>(y) * seen.width;
+            shape = shape_at(row + x0, row + x1, view.projections, shape);
+        }
+    }
+    for (std::size_t n = 0; n < view.beside.size(); ++n)
+        if (view.beside[n] >= 0) beside[view.beside[n]] += view.components.components[n].area;
+    for (const kernels::cpu::Run& run : view.components.runs) {
+        const int k = view.beside[run.component];
+        if (k < 0 || static_cast<double>(beside[k]) > kMaxBeside * static_cast<double>(inside[k])) continue;
+        Projection& p = view.projections[k];
+        std::fill_n(p.mask.begin() + static_cast<std::ptrdiff_t>(run.y) * seen.width + run.x0, run.x1 - run.x0,
+                    255);
+        const kernels::Rect line{run.x0, run.y, run.x1, run.y + 1};
+        p.box = p.box.empty() ? line : union_of(p.box, line);
+    }
+}
 
 void SubjectSeparator::separate(const std::vector<Camera>& cameras,
                                 const std::vector<kernels::CameraModel>& models,
@@ -62,7 +111,7 @@ void SubjectSeparator::separate(const std::vector<Camera>& cameras,
         views->shared.resize(cameras.size());
         views->hidden_fraction.assign(cameras.size(), 0);
     }
-    projections_.resize(cameras.size());
+    views_.resize(cameras.size());
     for_each_camera(cameras.size(), [&](std::size_t c) {
         const kernels::Silhouettes& seen = silhouettes[c];
         for (SubjectViews* const views : out) {
@@ -71,7 +120,7 @@ void SubjectSeparator::separate(const std::vector<Camera>& cameras,
             if (seen.sharp.empty()) views->own[c] = {};
         }
         if (seen.sharp.empty()) return;
-        std::vector<Projection>& projections = projections_[c];
+        std::vector<Projection>& projections = views_[c].projections;
         projections.resize(shapes.size());
         const float still[3] = {0, 0, 0};
         for (std::size_t k = 0; k < shapes.size(); ++k) {
@@ -81,6 +130,7 @@ void SubjectSeparator::separate(const std::vector<Camera>& cameras,
                                     p.mask.data(), p.box);
             p.distance_m = norm(centre_of(*shapes[k]).value_or(Vec3{}) - cameras[c].centre_in_world());
         }
+        extend_projections(seen, views_[c]);
         for (std::size_t k = 0; k < shapes.size(); ++k) {
             if (!out[k]) continue;
             const Projection& own = projections[k];

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/camera.h"
+#include "kernels/cpu/run_components.h"
 #include "kernels/segmentation.h"
 #include "kernels/types.h"
 #include "server/pose/pose_candidate.h"
@@ -14,7 +15,9 @@ namespace kinevox {
 
 // What the cameras show of one subject beside others.
 struct SubjectViews {
-    std::vector<kernels::Silhouettes> own;  // per camera, the silhouettes inside the subject's projection
+    // Per camera, the silhouettes inside the subject's projection, and what is connected to that alone: a hole
+    // in one silhouette takes the volume behind it, but not the other cameras' silhouettes.
+    std::vector<kernels::Silhouettes> own;
     std::vector<ForegroundPart> shared;     // per camera, where another subject near this one projects to
     std::vector<float> hidden_fraction;     // per camera, of the own pixels that a nearer subject may hide
 };
@@ -34,7 +37,16 @@ class SubjectSeparator {
         kernels::Rect box;
         double distance_m = 0;  // of the volume's centre from the camera
     };
-    std::vector<std::vector<Projection>> projections_;  // per camera, per shape
+    // Of one camera.
+    struct View {
+        std::vector<Projection> projections;  // per shape
+        std::vector<std::uint8_t> outside;    // foreground outside all projections
+        kernels::cpu::RunComponents components;
+        std::vector<int> beside;  // per component, the shape
+    };
+    static void extend_projections(const kernels::Silhouettes& seen, View& view);
+
+    std::vector<View> views_;
 };
 
 }  // namespace kinevox

@@ -437,6 +437,45 @@ TEST(OccupiedCells, TakesPartsOfItsLatticeThatOverlap) {
     EXPECT_TRUE(parts.parts(OccupiedCells::kFree).empty());
 }
 
+// Two people at y = -0.6 and 0.6 seen from the x axis, the first one's volume without its waist, and another
+// body that is in no volume. Returns the own pixels of each.
+std::array<std::int64_t, 2> own_pixels(const std::vector<Ellipsoid>& another) {
+    const std::vector<Camera> cameras{camera_at("front", {4, 0, 1.2}, {0, 0, 1})};
+    const std::vector<kernels::CameraModel> models{to_kernel(cameras[0])};
+    std::vector<Ellipsoid> bodies = people_at({{0, -0.6, 0}, {0, 0.6, 0}});
+    bodies.insert(bodies.end(), another.begin(), another.end());
+    const std::vector silhouettes{silhouettes_of(cameras[0], bodies)};
+    const OccupiedCells grid = grid_of(1.4);
+    const Cells legs = column(grid, {0, -0.6, 0}, 0.22, 0.05, 0.85),
+                chest = column(grid, {0, -0.6, 0}, 0.22, 1.05, 1.7);
+    const kernels::VoxelVolume first = grid.volume_of(joined(legs, chest)),
+                               second = grid.volume_of(column(grid, {0, 0.6, 0}, 0.22, 0.05, 1.7));
+    const std::vector<const kernels::VoxelVolume*> shapes{&first, &second};
+    SubjectViews of_first, of_second;
+    std::vector<SubjectViews*> views{&of_first, &of_second};
+    SubjectSeparator().separate(cameras, models, silhouettes, shapes, views);
+    return {of_first.own[0].sharp_pixels, of_second.own[0].sharp_pixels};
+}
+
+TEST(SubjectSeparator, KeepsForegroundWhereTheVolumeLacksAPart) {
+    const auto [first, second] = own_pixels({});
+    EXPECT_NEAR(static_cast<double>(first), static_cast<double>(second), 0.02 * static_cast<double>(second));
+}
+
+TEST(SubjectSeparator, LeavesOutForegroundBetweenTwoSubjects) {
+    const auto [first_apart, second_apart] = own_pixels({});
+    const auto [first, second] = own_pixels({{{0, 0, 1.2}, {0.04, 0.6, 0.06}}});
+    EXPECT_LT(first, first_apart + first_apart / 20);
+    EXPECT_LT(second, second_apart + second_apart / 20);
+}
+
+TEST(SubjectSeparator, LeavesOutAnotherBodyBesideASubject) {
+    const auto [alone, second] = own_pixels({});
+    const auto [beside, same] = own_pixels(people_at({{0, -0.95, 0}}));
+    EXPECT_LT(beside, alone + alone / 20);
+    EXPECT_EQ(same, second);
+}
+
 // The subjects stand elsewhere in the second frame set.
 TEST(SubjectSeparator, LeavesNoTraceOfAnEarlierFrameSetInReusedViews) {
     const std::vector<Camera> cameras{camera_at("front", {4, 0, 1.2}, {0, 0, 1})};
