@@ -211,6 +211,7 @@ void PoseCost::inside_terms(int camera, const SilhouetteRays& view, double robus
             if (out <= 0) continue;
             const Vec3 in_camera = balls_.in_camera(n);
             const Vec2 slope = balls_.slope(n);
+            if (view.is_nearest_to_border_without_contrast(balls_.in_world(n), slope)) continue;
             const double m_per_px = 2 * in_camera.z / (c.fx + c.fy);
             // d pixel / d point, neglecting distortion and movement along the depth.
             const Vec3 in_plane{slope.x * c.fx / in_camera.z * m_per_px,

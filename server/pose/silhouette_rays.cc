@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <limits>
 #include <vector>
 
 #include "common/median.h"
@@ -90,15 +91,19 @@ double contrast_across(const kernels::ImageView& image, Vec2 at, Vec2 normal) {
     return largest / 6.0;
 }
 
-// In dim images all of the border has little contrast. Returns how many were removed.
-int remove_without_contrast(std::vector<ContourPoint>& points) {
+// In dim images all of the border has little contrast. Returns where those that were removed were.
+std::vector<Vec2> remove_without_contrast(std::vector<ContourPoint>& points) {
     constexpr double kMinContrast = 8, kMinOfMedian = 0.4;
     std::vector<double> contrasts;
     for (const ContourPoint& point : points) contrasts.push_back(point.contrast);
-    if (contrasts.empty()) return 0;
+    std::vector<Vec2> removed;
+    if (contrasts.empty()) return removed;
     const double min = std::min(kMinContrast, kMinOfMedian * median_of(contrasts));
-    return static_cast<int>(
-        std::erase_if(points, [&](const ContourPoint& point) { return point.contrast < min; }));
+    std::erase_if(points, [&](const ContourPoint& point) {
+        if (point.contrast < min) removed.push_back(point.at);
+        return point.contrast < min;
+    });
+    return removed;
 }
 
 // Numbers of the pixels of a row of cells that are not 0, added to `count`.
@@ -198,6 +203,20 @@ std::optional<double> SilhouetteRays::inside_m(Vec3 in_world) const {
     return *inside_px * (2 * depth / (camera->fx + camera->fy));
 }
 
+bool SilhouetteRays::is_nearest_to_border_without_contrast(Vec3 in_world, Vec2 slope) const {
+    const double length = std::hypot(slope.x, slope.y);
+    if (border_without_contrast.empty() || !(length > 0)) return false;
+    const std::optional<Vec2> pixel = camera->project(in_world);
+    const std::optional<double> inside_px = pixel ? distance.at(*pixel) : std::nullopt;
+    if (!inside_px) return false;
+    const Vec2 at{pixel->x - *inside_px * slope.x / length, pixel->y - *inside_px * slope.y / length};
+    double nearest = std::numeric_limits<double>::infinity();
+    const auto distance2 = [&at](Vec2 p) { return (p.x - at.x) * (p.x - at.x) + (p.y - at.y) * (p.y - at.y); };
+    for (const Vec2& p : border_without_contrast) nearest = std::min(nearest, distance2(p));
+    return std::isfinite(nearest) &&
+           std::ranges::none_of(border, [&](const Vec2& p) { return distance2(p) < nearest; });
+}
+
 bool shows_others(std::span<const SilhouetteRays> views) {
     return std::ranges::any_of(
         views, [](const SilhouetteRays& view) { return view.camera && view.distance.has_shared(); });
@@ -233,7 +252,12 @@ void read_silhouette(const Camera& camera, const kernels::Silhouettes& s, const 
         if (normal.x == 0 && normal.y == 0) continue;
         points.push_back({at, normal, image.data ? contrast_across(image, at, normal) : 0});
     }
-    out.contour.without_contrast = image.data ? remove_without_contrast(points) : 0;
+    out.border.clear(), out.border_without_contrast.clear();
+    if (image.data) {
+        out.border_without_contrast = remove_without_contrast(points);
+        for (const ContourPoint& point : points) out.border.push_back(point.at);
+    }
+    out.contour.without_contrast = static_cast<int>(out.border_without_contrast.size());
     out.contour.origin_in_world = camera.centre_in_world();
     const Mat3 world_from_camera = camera.camera_from_world.rotation.transposed();
     for (const auto& [at, normal, contrast] : points) {

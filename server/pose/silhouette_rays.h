@@ -51,11 +51,16 @@ struct SilhouetteRays {
     const Camera* camera = nullptr;  // null: this camera is not used
     ContourRays contour;
     SilhouetteDistance distance;
+    // px, of rays used and of rays not used; empty: the image was not read.
+    std::vector<Vec2> border, border_without_contrast;
     ViewColours colours;  // empty: not read
 
     // How far a point lies inside the silhouette in the image, m at the point's depth; negative outside.
     // Empty where this camera does not see it.
     std::optional<double> inside_m(Vec3 in_world) const;
+    // Whether the border nearest to a point is known to be without contrast. `slope`: in the image, of the
+    // distance to the border, positive inside.
+    bool is_nearest_to_border_without_contrast(Vec3 in_world, Vec2 slope) const;
     // Whether this camera shows a point, and there this subject alone.
     bool shows_alone(Vec3 in_world) const;
 };

@@ -110,7 +110,7 @@ TEST(SilhouetteRays, HasNoContourInSharedForegroundButAllowsTheBodyThere) {
 }
 
 // The right part of the clothes is missing in the silhouette.
-TEST(SilhouetteRays, HasNoContourAcrossClothes) {
+TEST(SilhouetteRays, FindsBorderAcrossClothes) {
     constexpr int kWidth = 200, kHeight = 150;
     Camera camera;
     camera.width = kWidth, camera.height = kHeight;
@@ -132,10 +132,15 @@ TEST(SilhouetteRays, HasNoContourAcrossClothes) {
         return rays;
     };
     for (const auto& [background, clothes] : {std::pair{100, 160}, std::pair{100, 60}, std::pair{20, 26}}) {
-        const ContourRays contour = rays_in(background, clothes).contour;
+        const SilhouetteRays rays = rays_in(background, clothes);
+        const ContourRays& contour = rays.contour;
         EXPECT_GT(contour.size(), 90u) << clothes;
         EXPECT_TRUE(std::ranges::all_of(contour.outward[0], [](float x) { return x < 0.9f; })) << clothes;
         EXPECT_TRUE(std::ranges::any_of(contour.outward[0], [](float x) { return x < -0.9f; })) << clothes;
+        // 2 m before the camera, which looks along z.
+        const Vec3 at_right{2 * (130 - 99.5) / 200, 0, 2}, at_left{2 * (50 - 99.5) / 200, 0, 2};
+        EXPECT_TRUE(rays.is_nearest_to_border_without_contrast(at_right, {-1, 0})) << clothes;
+        EXPECT_FALSE(rays.is_nearest_to_border_without_contrast(at_left, {1, 0})) << clothes;
     }
 }
 
