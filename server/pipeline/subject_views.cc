@@ -93,8 +93,8 @@ void SubjectSeparator::extend_projections(const kernels::Silhouettes& seen, View
         const int k = view.beside[run.component];
         if (k < 0 || static_cast<double>(beside[k]) > kMaxBeside * static_cast<double>(inside[k])) continue;
         Projection& p = view.projections[k];
-        std::fill_n(p.mask.begin() + static_cast<std::ptrdiff_t>(run.y) * seen.width + run.x0, run.x1 - run.x0,
-                    255);
+        std::fill_n(p.mask.begin() + static_cast<std::ptrdiff_t>(run.y) * seen.width + run.x0,
+                    run.x1 - run.x0, 255);
         const kernels::Rect line{run.x0, run.y, run.x1, run.y + 1};
         p.box = p.box.empty() ? line : union_of(p.box, line);
     }

@@ -15,11 +15,11 @@ namespace kinevox {
 
 // What the cameras show of one subject beside others.
 struct SubjectViews {
-    // Per camera, the silhouettes inside the subject's projection, and what is connected to that alone: a hole
-    // in one silhouette takes the volume behind it, but not the other cameras' silhouettes.
+    // Per camera, the silhouettes inside the subject's projection, and what is connected to that alone: a
+    // hole in one silhouette takes the volume behind it, but not the other cameras' silhouettes.
     std::vector<kernels::Silhouettes> own;
-    std::vector<ForegroundPart> shared;     // per camera, where another subject near this one projects to
-    std::vector<float> hidden_fraction;     // per camera, of the own pixels that a nearer subject may hide
+    std::vector<ForegroundPart> shared;  // per camera, where another subject near this one projects to
+    std::vector<float> hidden_fraction;  // per camera, of the own pixels that a nearer subject may hide
 };
 
 // Keeps its memory. Not thread safe.

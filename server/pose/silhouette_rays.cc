@@ -211,7 +211,9 @@ bool SilhouetteRays::is_nearest_to_border_without_contrast(Vec3 in_world, Vec2 s
     if (!inside_px) return false;
     const Vec2 at{pixel->x - *inside_px * slope.x / length, pixel->y - *inside_px * slope.y / length};
     double nearest = std::numeric_limits<double>::infinity();
-    const auto distance2 = [&at](Vec2 p) { return (p.x - at.x) * (p.x - at.x) + (p.y - at.y) * (p.y - at.y); };
+    const auto distance2 = [&at](Vec2 p) {
+        return (p.x - at.x) * (p.x - at.x) + (p.y - at.y) * (p.y - at.y);
+    };
     for (const Vec2& p : border_without_contrast) nearest = std::min(nearest, distance2(p));
     return std::isfinite(nearest) &&
            std::ranges::none_of(border, [&](const Vec2& p) { return distance2(p) < nearest; });

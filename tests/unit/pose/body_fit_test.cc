@@ -123,7 +123,8 @@ TEST(BodyFit, AddsNoHair) {
 TEST(BodyShape, ReadsFilesWithoutLaterLengths) {
     const BodyShape shape = default_body_shape(1.8);
     std::string text = body_shape_toml(shape);
-    for (const char* key : {"pelvis_back_m", "waist_back_m", "chest_back_m", "shoulder_rise_m", "hair_back_m"}) {
+    for (const char* key :
+         {"pelvis_back_m", "waist_back_m", "chest_back_m", "shoulder_rise_m", "hair_back_m"}) {
         const std::size_t at = text.find(key);
         ASSERT_NE(at, std::string::npos);
         text.erase(at, text.find('\n', at) + 1 - at);
