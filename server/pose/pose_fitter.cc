@@ -51,6 +51,16 @@ ContourFit contour_fit(std::span<const SurfaceTerm> terms, double narrow_m) {
     return fit;
 }
 
+MotionPrior motion_prior(const BodyPosture& expected, double time2, const PoseTrackerOptions& options) {
+    MotionPrior prior;
+    prior.expected = expected;
+    for (int k = 0; k < kBodyDofCount; ++k)
+        prior.std[k] = k < 3   ? 0.005 + options.root_acceleration_m_per_s2 * time2
+                       : k < 6 ? 0.02 + options.root_angular_acceleration_rad_per_s2 * time2
+                               : 0.03 + options.joint_angular_acceleration_rad_per_s2 * time2;
+    return prior;
+}
+
 void PoseFitter::descend(const BodyModel& model, std::span<const SilhouetteRays> views,
                          const MotionPrior* prior, double robust_m, int steps, PoseFit& fit) {
     cost_.linearise(model, fit.posture, views, prior, robust_m, fit.at);

@@ -27,6 +27,10 @@ struct ContourFit {
 };
 ContourFit contour_fit(std::span<const SurfaceTerm> terms, double narrow_m);
 
+// What accelerations leave open around an expected posture: they move the body by themselves times `time2`,
+// s^2.
+MotionPrior motion_prior(const BodyPosture& expected, double time2, const PoseTrackerOptions& options);
+
 // No joint is farther from a known posture after approach(): the fit would end in that one.
 inline constexpr double kKnownJoints_m = 0.02;
 

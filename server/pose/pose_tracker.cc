@@ -309,15 +309,9 @@ void PoseTracker::follow(Hypothesis& h, std::span<const SilhouetteRays> views, d
     BodyStep ahead;
     const double damping = kept(kPredictionDamping, seconds);
     for (int k = 0; k < kBodyDofCount; ++k) ahead[k] = damping * seconds * h.rate[k];
-    MotionPrior prior;
-    prior.expected = stepped(h.posture, ahead);
-    // The rate is still unknown and may be large.
+    // The first rate is still unknown and may be large.
     const double first = h.seconds == 0 ? 4 : 1;
-    const double dt2 = seconds * seconds * first;
-    for (int k = 0; k < kBodyDofCount; ++k)
-        prior.std[k] = k < 3   ? 0.005 + options_.root_acceleration_m_per_s2 * dt2
-                       : k < 6 ? 0.02 + options_.root_angular_acceleration_rad_per_s2 * dt2
-                               : 0.03 + options_.joint_angular_acceleration_rad_per_s2 * dt2;
+    const MotionPrior prior = motion_prior(stepped(h.posture, ahead), seconds * seconds * first, options_);
     h.replaced.clear();
     h.free.reset();
     h.fit = workspaces_.front().fitter.fit(*model_, views, prior.expected, &prior,

@@ -12,6 +12,7 @@
 #include "server/pose/arm_search.h"
 #include "server/pose/body_colours.h"
 #include "server/pose/each_run.h"
+#include "server/pose/foot_turn.h"
 #include "server/pose/limb_search.h"
 #include "server/pose/pose_fitter.h"
 #include "server/pose/pose_path.h"
@@ -34,9 +35,9 @@ constexpr double kSameLimb_m = 0.08;    // limbs with no joint of joints_of() fa
 constexpr double kLimbGain = 10;        // minimum decrease of the path's cost per frame set by another limb
 constexpr std::size_t kLimbStarts = 3;  // other limbs that are fitted per frame set, those that match best
 
-constexpr std::array<double, 3> kArmMoves_rad{0.6, 0.3, 0.15};  // of move_arms(), as are the next lines
-constexpr int kMaxArmMoves = 4;                                 // by each angle
-constexpr std::size_t kMovedCandidates = 2;                     // per frame set
+constexpr std::array<double, 3> kPathArmMoves_rad{0.6, 0.3, 0.15};  // of move_arms(), as are the next lines
+constexpr int kMaxArmMoves = 4;                                     // by each angle
+constexpr std::size_t kMovedCandidates = 2;                         // per frame set
 
 constexpr std::array<double, 4> kForearmTurns{-1, -0.5, 0.5, 1};  // rad, see forearm_turned()
 constexpr std::size_t kTurnViews = 4;                             // maximum number, evenly spread
@@ -153,8 +154,8 @@ class Recording {
                 for (const Limb arm : {Limb::kArmL, Limb::kArmR}) {
                     ArmSearch search(model_, moved, arm, recorded_[n].seen->views, colours_,
                                      options_.tracker.fit);
-                    search.improve(kArmMoves_rad, kMaxArmMoves);
-                    search.improve_anywhere(limbs, kArmMoves_rad, kMaxArmMoves);
+                    search.improve(kPathArmMoves_rad, kMaxArmMoves);
+                    search.improve_anywhere(limbs, kPathArmMoves_rad, kMaxArmMoves);
                     if (search.gain() >= kLimbGain) moved = search.best().posture;
                 }
                 if (moved != start) found[n].push_back(candidate(n, moved, cost));
@@ -236,6 +237,7 @@ class Recording {
         path_.assign(frames_.size(), std::nullopt);
         for (std::size_t n = 0; n < frames_.size(); ++n)
             if (const BodyPosture* posture = chosen(n)) path_[n] = *posture;
+        turn_feet();
         for (int half = 0; half < 2 * kSweeps; ++half)
             each([&](std::size_t n) {
                 if (static_cast<int>(n % 2) != half % 2 || n == 0 || n + 1 >= path_.size() || !path_[n - 1] ||
@@ -245,6 +247,7 @@ class Recording {
                 PoseFitter fitter(options_.tracker.fit);
                 path_[n] = fitter.fit(model_, recorded_[n].seen->views, *path_[n], &prior, false).posture;
             });
+        turn_feet();
     }
 
     std::vector<RetrackedFrame> describe(int cameras) const {
@@ -280,6 +283,14 @@ class Recording {
     void each(const F& f) const {
         oneapi::tbb::parallel_for(std::size_t{0}, frames_.size(), [&](std::size_t n) {
             if (choices_[n].candidate >= 0 && !stop_.stop_requested()) f(n);
+        });
+    }
+    void turn_feet() {
+        constexpr int kSteps = 4;
+        each([&](std::size_t n) {
+            PoseCost cost(options_.tracker.fit.cost);
+            kinevox::turn_feet(model_, recorded_[n].seen->views, options_.tracker.fit.narrow_m, kSteps, cost,
+                               *path_[n]);
         });
     }
     std::vector<LegFlags> find_missing_legs() const {
@@ -377,8 +388,8 @@ class Recording {
         for (std::size_t k = 0, n = first; k < count; ++k, n += step) {
             const double passed_s = std::abs(frames_[n - step].time_s - frames_[n - 2 * step].time_s);
             const double ahead_s = std::abs(frames_[n].time_s - frames_[n - step].time_s);
-            const MotionPrior prior =
-                expected(between(a, b, 1 + ahead_s / passed_s), 0.5 * ahead_s * (passed_s + ahead_s));
+            const MotionPrior prior = motion_prior(between(a, b, 1 + ahead_s / passed_s),
+                                                   0.5 * ahead_s * (passed_s + ahead_s), options_.tracker);
             const PoseFit fit = fitter.fit(model_, recorded_[n].seen->views, prior.expected, &prior, false);
             fits.push_back(candidate(n, fit.posture, cost));
             a = std::exchange(b, fit.posture);
@@ -391,18 +402,7 @@ class Recording {
     MotionPrior expected_between(std::size_t n) const {
         const double half =
             0.5 * (frames_[n].time_s - frames_[n - 1].time_s) * (frames_[n + 1].time_s - frames_[n].time_s);
-        return expected(between(*path_[n - 1], *path_[n + 1], fraction(n)), half);
-    }
-    // `half`: by which accelerations move the body, s^2.
-    MotionPrior expected(const BodyPosture& posture, double half) const {
-        const PoseTrackerOptions& o = options_.tracker;
-        MotionPrior prior;
-        prior.expected = posture;
-        for (int k = 0; k < kBodyDofCount; ++k)
-            prior.std[k] = k < 3   ? 0.005 + o.root_acceleration_m_per_s2 * half
-                           : k < 6 ? 0.02 + o.root_angular_acceleration_rad_per_s2 * half
-                                   : 0.03 + o.joint_angular_acceleration_rad_per_s2 * half;
-        return prior;
+        return motion_prior(between(*path_[n - 1], *path_[n + 1], fraction(n)), half, options_.tracker);
     }
     PathCandidate without_colours(std::size_t n, const BodyPosture& posture, PoseCost& cost) const {
         Linearisation at;

@@ -13,6 +13,7 @@
 
 #include "common/geometry.h"
 #include "server/pose/body_model.h"
+#include "server/pose/foot_turn.h"
 #include "server/pose/key_poses.h"
 #include "server/pose/limb_search.h"
 #include "server/pose/main_body.h"
@@ -142,6 +143,30 @@ TEST(SilhouetteRays, FindsBorderAcrossClothes) {
         EXPECT_TRUE(rays.is_nearest_to_border_without_contrast(at_right, {-1, 0})) << clothes;
         EXPECT_FALSE(rays.is_nearest_to_border_without_contrast(at_left, {1, 0})) << clothes;
     }
+}
+
+TEST(TurnFeet, FindsFeetTurnedInAndOut) {
+    const Scene scene;
+    const BodyPosture straight = posture_from_coordinates(scene.standing());
+    BodyPosture turned = straight;
+    constexpr double kLeft = 0.3, kRight = 0.2;  // rad: the left foot out, the right foot in
+    turned.parent_from_segment[kFootL] = turned.parent_from_segment[kFootL] * rotation_z(kLeft);
+    turned.parent_from_segment[kFootR] = turned.parent_from_segment[kFootR] * rotation_z(kRight);
+    EXPECT_NEAR(foot_turn(turned, kFootL), kLeft, 1e-9);
+    std::vector<BodyCapsule> capsules;
+    scene.model->capsules(scene.model->forward(turned), capsules);
+    std::vector<SilhouetteRays> views(scene.cameras.size());
+    for (std::size_t c = 0; c < views.size(); ++c)
+        read_silhouette(scene.cameras[c], testing::silhouette_of(scene.cameras[c], capsules), {}, views[c]);
+    PoseCost cost;
+    BodyPosture found = straight;
+    turn_feet(*scene.model, views, 0.04, 4, cost, found);
+    EXPECT_NEAR(foot_turn(found, kFootL), kLeft, 0.08);
+    EXPECT_NEAR(foot_turn(found, kFootR), kRight, 0.08);
+    for (const int segment : {kPelvis, kShankL, kShankR})
+        EXPECT_EQ(found.parent_from_segment[segment].m, straight.parent_from_segment[segment].m);
+    const auto coordinates = coordinates_from_posture(found), before = coordinates_from_posture(straight);
+    for (int k = 0; k < kBodyDofCount; ++k) EXPECT_NEAR(coordinates[k], before[k], 0.02) << k;
 }
 
 TEST(PoseTracker, FindsBodyWithoutPrior) {
