@@ -51,8 +51,8 @@ std::int64_t add_foreground(const kernels::Silhouettes& seen, const std::vector<
     return common;
 }
 
-// The shape whose projection sets one of these pixels; kSeveral if more do, `before` if none does.
 constexpr int kNone = -1, kSeveral = -2;
+// The shape whose projection sets one of these pixels; kSeveral if more do, `before` if none does.
 int shape_at(std::size_t begin, std::size_t end, const auto& projections, int before) {
     for (std::size_t k = 0; k < projections.size(); ++k) {
         const auto& mask = projections[k].mask;
@@ -65,18 +65,21 @@ int shape_at(std::size_t begin, std::size_t end, const auto& projections, int be
 }  // namespace
 
 void SubjectSeparator::extend_projections(const kernels::Silhouettes& seen, View& view) {
-    view.outside.resize(seen.sharp.size());
+    view.outside = seen.sharp;
     std::vector<std::int64_t> inside(view.projections.size(), 0), beside(view.projections.size(), 0);
-    for (int y = seen.bounds.y0; y < seen.bounds.y1; ++y)
-        for (int x = seen.bounds.x0; x < seen.bounds.x1; ++x) {
-            const std::size_t at = static_cast<std::size_t>(y) * seen.width + x;
-            view.outside[at] = seen.sharp[at];
-            for (std::size_t k = 0; k < view.projections.size(); ++k) {
-                const bool set = seen.sharp[at] && view.projections[k].mask[at];
-                inside[k] += set;
-                if (set) view.outside[at] = 0;
+    for (std::size_t k = 0; k < view.projections.size(); ++k) {
+        const Projection& p = view.projections[k];
+        for (int y = p.box.y0; y < p.box.y1; ++y) {
+            const std::size_t row = static_cast<std::size_t>(y) * seen.width;
+            int pixels = 0;
+            for (int x = p.box.x0; x < p.box.x1; ++x) {
+                const bool set = p.mask[row + x] != 0;
+                pixels += set && seen.sharp[row + x];
+                view.outside[row + x] = set ? 0 : view.outside[row + x];
             }
+            inside[k] += pixels;
         }
+    }
     view.components.find(view.outside.data(), seen.width, seen.bounds, true, true);
     view.beside.assign(view.components.components.size(), kNone);
     for (const kernels::cpu::Run& run : view.components.runs) {

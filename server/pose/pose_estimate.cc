@@ -184,8 +184,9 @@ Misfit misfit_of(std::span<const SilhouetteRays> views, std::span<const SurfaceT
     }
     for (const SilhouetteRays& view : views)
         if (view.camera) {
-            misfit.all += view.contour.without_contrast * kWithoutContrast_m * kWithoutContrast_m;
-            all += view.contour.without_contrast;
+            const auto without = static_cast<int>(view.border_without_contrast.size());
+            misfit.all += without * kWithoutContrast_m * kWithoutContrast_m;
+            all += without;
         }
     for (double& touching : misfit.touching) touching *= kRays / std::max(1, all);
     misfit.all = all > 0 ? misfit.all / all : kMaxResidual_m * kMaxResidual_m;

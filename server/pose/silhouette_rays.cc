@@ -259,7 +259,6 @@ void read_silhouette(const Camera& camera, const kernels::Silhouettes& s, const 
         out.border_without_contrast = remove_without_contrast(points);
         for (const ContourPoint& point : points) out.border.push_back(point.at);
     }
-    out.contour.without_contrast = static_cast<int>(out.border_without_contrast.size());
     out.contour.origin_in_world = camera.centre_in_world();
     const Mat3 world_from_camera = camera.camera_from_world.rotation.transposed();
     for (const auto& [at, normal, contrast] : points) {

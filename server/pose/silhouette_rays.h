@@ -20,7 +20,6 @@ namespace kinevox {
 struct ContourRays {
     Vec3 origin_in_world;
     std::vector<float> direction[3], outward[3];  // world, unit
-    int without_contrast = 0;                     // rays not used
     std::size_t size() const { return direction[0].size(); }
 };
 

@@ -1,8 +1,7 @@
 // The world's tilt from the cameras' rolls and a person who stands.
 #include <gtest/gtest.h>
 
-#include <numbers>
-
+#include "common/geometry.h"
 #include "server/quality/samples.h"
 #include "server/silhouettes/silhouettes.h"
 #include "tests/unit/pipeline/scene.h"
@@ -14,8 +13,6 @@ using kinevox::testing::body_at;
 using kinevox::testing::camera_at;
 using kinevox::testing::kStandingCentre_m;
 using kinevox::testing::silhouettes_of;
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 std::vector<Camera> three_cameras() {
     return {camera_at("north", {4, 4, 2.2}, {0, 0, 1}), camera_at("east", {4, -4, 1.8}, {0, 0, 1}),
