@@ -36,6 +36,11 @@ double foot_turn(const BodyPosture& posture, int foot) {
     return std::atan2(r(1, 0), r(1, 1));
 }
 
+void add_foot_turn(double turn, int foot, BodyPosture& posture) {
+    Mat3& parent_from_foot = posture.parent_from_segment[foot];
+    parent_from_foot = parent_from_foot * rotation_z(turn);
+}
+
 void turn_feet(const BodyModel& model, std::span<const SilhouetteRays> views, double robust_m, int steps,
                PoseCost& cost, BodyPosture& posture) {
     for (int n = 0; n < steps; ++n) {
@@ -45,8 +50,7 @@ void turn_feet(const BodyModel& model, std::span<const SilhouetteRays> views, do
             const double turn = foot_turn(posture, foot), weight = 1 / (kTurnStd * kTurnStd);
             const double step = -(slope.first + weight * turn) / (slope.second + weight);
             const double next = std::clamp(turn + step, -kMaxTurn, kMaxTurn);
-            Mat3& parent_from_foot = posture.parent_from_segment[foot];
-            parent_from_foot = parent_from_foot * rotation_z(next - turn);
+            add_foot_turn(next - turn, foot, posture);
         }
     }
 }

@@ -12,6 +12,7 @@ namespace kinevox {
 
 // rad about the foot's own vertical axis, counterclockwise seen from above.
 double foot_turn(const BodyPosture& posture, int foot);
+void add_foot_turn(double turn, int foot, BodyPosture& posture);
 
 // Gauss-Newton steps of both feet's turns against the silhouettes; the rest of the posture stays.
 void turn_feet(const BodyModel& model, std::span<const SilhouetteRays> views, double robust_m, int steps,

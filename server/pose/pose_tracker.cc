@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "server/pose/arm_search.h"
+#include "server/pose/foot_turn.h"
 #include "server/pose/key_poses.h"
 #include "server/pose/turned_posture.h"
 
@@ -403,6 +404,12 @@ void PoseTracker::move_arm(Hypothesis& h, std::span<const SilhouetteRays> views,
         h.around[arm].push_back({moved.posture, moved.total() - search.best().total()});
 }
 
+void PoseTracker::turn_feet(Hypothesis& h, std::span<const SilhouetteRays> views) {
+    constexpr int kSteps = 1;  // each frame set starts from the turns of the one before
+    kinevox::turn_feet(*model_, views, options_.fit.narrow_m, kSteps, workspaces_.front().cost, h.posture);
+    h.fit.posture = h.posture;
+}
+
 // A start that faces the wrong way is not lost, and no search of limbs corrects it.
 void PoseTracker::check_turned(Hypothesis& h, std::span<const SilhouetteRays> views, double seconds) {
     turn_wait_s_ -= seconds;
@@ -546,6 +553,7 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
         check_turned(best, views, seconds);
         if (colours_ && !shows_others(views)) move_arms(best, views);
         choose();
+        turn_feet(hypotheses_.front(), views);
         usual_interval_s_ = kIntervalMemory * usual_interval_s_ + (1 - kIntervalMemory) * seconds;
     }
     last_time_ns_ = time_ns;

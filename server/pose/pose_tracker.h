@@ -123,6 +123,7 @@ class PoseTracker {
     double colour_cost(std::span<const SilhouetteRays> views, const BodyPosture& posture) const {
         return colours_ ? colours_->cost(views, *model_, posture) : 0;
     }
+    void turn_feet(Hypothesis& hypothesis, std::span<const SilhouetteRays> views);
     void check_turned(Hypothesis& hypothesis, std::span<const SilhouetteRays> views, double seconds);
     void choose();
     TrackedPosture best() const;

@@ -7,6 +7,8 @@
 #include <numbers>
 #include <span>
 
+#include "server/pose/foot_turn.h"
+
 namespace kinevox {
 namespace {
 
@@ -118,7 +120,12 @@ BodyPosture OneEuroPosture::filter(const BodyPosture& measured, std::int64_t tim
         step[k] = share_of_new(options_.min_cutoff_hz + factor * std::abs(rate_[k]), seconds) * ahead[k];
     }
     last_measured_ = measured;
-    return *(last_ = stepped(predicted, step));
+    last_ = stepped(predicted, step);
+    for (const int foot : {kFootL, kFootR}) {
+        const double turned = foot_turn(measured, foot) - foot_turn(*last_, foot);
+        add_foot_turn(share_of_new(options_.min_cutoff_hz, seconds) * turned, foot, *last_);
+    }
+    return *last_;
 }
 
 double applied_cutoff_hz(double cutoff_hz, double fps) {

@@ -145,28 +145,57 @@ TEST(SilhouetteRays, FindsBorderAcrossClothes) {
     }
 }
 
-TEST(TurnFeet, FindsFeetTurnedInAndOut) {
-    const Scene scene;
-    const BodyPosture straight = posture_from_coordinates(scene.standing());
+// rad: the left foot out, the right foot in.
+constexpr double kTurnL = 0.3, kTurnR = 0.2;
+
+BodyPosture with_turned_feet(const BodyPosture& straight) {
     BodyPosture turned = straight;
-    constexpr double kLeft = 0.3, kRight = 0.2;  // rad: the left foot out, the right foot in
-    turned.parent_from_segment[kFootL] = turned.parent_from_segment[kFootL] * rotation_z(kLeft);
-    turned.parent_from_segment[kFootR] = turned.parent_from_segment[kFootR] * rotation_z(kRight);
-    EXPECT_NEAR(foot_turn(turned, kFootL), kLeft, 1e-9);
+    add_foot_turn(kTurnL, kFootL, turned);
+    add_foot_turn(kTurnR, kFootR, turned);
+    return turned;
+}
+
+std::vector<SilhouetteRays> views_of(const Scene& scene, const BodyPosture& posture) {
     std::vector<BodyCapsule> capsules;
-    scene.model->capsules(scene.model->forward(turned), capsules);
+    scene.model->capsules(scene.model->forward(posture), capsules);
     std::vector<SilhouetteRays> views(scene.cameras.size());
     for (std::size_t c = 0; c < views.size(); ++c)
         read_silhouette(scene.cameras[c], testing::silhouette_of(scene.cameras[c], capsules), {}, views[c]);
+    return views;
+}
+
+TEST(TurnFeet, FindsFeetTurnedInAndOut) {
+    const Scene scene;
+    const BodyPosture straight = posture_from_coordinates(scene.standing());
+    const BodyPosture turned = with_turned_feet(straight);
+    EXPECT_NEAR(foot_turn(turned, kFootL), kTurnL, 1e-9);
+    const auto views = views_of(scene, turned);
     PoseCost cost;
     BodyPosture found = straight;
     turn_feet(*scene.model, views, 0.04, 4, cost, found);
-    EXPECT_NEAR(foot_turn(found, kFootL), kLeft, 0.08);
-    EXPECT_NEAR(foot_turn(found, kFootR), kRight, 0.08);
+    EXPECT_NEAR(foot_turn(found, kFootL), kTurnL, 0.08);
+    EXPECT_NEAR(foot_turn(found, kFootR), kTurnR, 0.08);
     for (const int segment : {kPelvis, kShankL, kShankR})
         EXPECT_EQ(found.parent_from_segment[segment].m, straight.parent_from_segment[segment].m);
     const auto coordinates = coordinates_from_posture(found), before = coordinates_from_posture(straight);
     for (int k = 0; k < kBodyDofCount; ++k) EXPECT_NEAR(coordinates[k], before[k], 0.02) << k;
+}
+
+// The hips turn the legs, too.
+TEST(PoseTracker, FindsTurnedFeet) {
+    const Scene scene;
+    const BodyPosture truth = with_turned_feet(posture_from_coordinates(scene.standing()));
+    const auto views = views_of(scene, truth);
+    PoseTracker tracker(30);
+    tracker.set_model(scene.model);
+    std::optional<TrackedPosture> tracked;
+    for (int n = 0; n < 10; ++n) tracked = tracker.update(n * 33'333'333ll, views, {0, 0, 0.95}, {});
+    ASSERT_TRUE(tracked.has_value());
+    const JointPositions found = scene.model->forward(tracked->fit.posture).joints_in_world,
+                         expected = scene.model->forward(truth).joints_in_world;
+    for (const char* toe : {"toe_l", "toe_r"})
+        EXPECT_LT(norm(found[*joint_index(toe)] - expected[*joint_index(toe)]), 0.015) << toe;
+    EXPECT_GT(foot_turn(tracked->fit.posture, kFootL), 0.5 * kTurnL);
 }
 
 TEST(PoseTracker, FindsBodyWithoutPrior) {
@@ -782,6 +811,22 @@ TEST(PostureFilter, IsNotAppliedToFewSamplesPerPeriodOfCutoff) {
     EXPECT_EQ(applied_cutoff_hz(6, 15), 0);
     EXPECT_EQ(applied_cutoff_hz(3, 15), 3);
     EXPECT_EQ(applied_cutoff_hz(0, 15), 0);
+}
+
+TEST(PostureFilter, OneEuroFollowsTurnedFeet) {
+    OneEuroPosture filter;
+    const BodyPosture straight = posture_from_coordinates({});
+    filter.filter(straight, 0);
+    BodyPosture filtered;
+    double before = 0;
+    for (int n = 1; n <= 12; ++n) {
+        filtered = filter.filter(with_turned_feet(straight), n * 16'666'667LL);
+        EXPECT_GT(foot_turn(filtered, kFootL), before);
+        before = foot_turn(filtered, kFootL);
+        EXPECT_LT(before, n == 1 ? 0.8 * kTurnL : 1.01 * kTurnL) << "a single measurement is smoothed";
+    }
+    EXPECT_NEAR(foot_turn(filtered, kFootL), kTurnL, 0.01);
+    EXPECT_NEAR(foot_turn(filtered, kFootR), kTurnR, 0.01);
 }
 
 TEST(PostureFilter, OneEuroSmoothsRestAndFollowsMovement) {
