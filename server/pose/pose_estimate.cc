@@ -59,16 +59,16 @@ std::array<CameraSet, kBodySegmentCount> supporting_cameras(std::span<const Surf
 }
 
 // Error of the body model that the silhouettes do not show: joint centres inside a body of capsules. Joints,
-// m, per axis, left and right alike. Hair moves the top of the head by 2 cm, long hair by 5 cm.
+// m, per axis, left and right alike.
 double model_std_m(std::string_view joint) {
     struct Entry {
         std::string_view name;
         double std_m;
     };
     constexpr Entry kEntries[] = {{"root", 0.003},     {"sacroiliac", 0.005}, {"skullbase", 0.0055},
-                                  {"head_top", 0.022}, {"shoulder", 0.0085},  {"elbow", 0.009},
+                                  {"head_top", 0.012}, {"shoulder", 0.0085},  {"elbow", 0.009},
                                   {"wrist", 0.0065},   {"hand", 0.007},       {"hip", 0.008},
-                                  {"knee", 0.006},     {"ankle", 0.0045},     {"toe", 0.0145}};
+                                  {"knee", 0.006},     {"ankle", 0.0045},     {"toe", 0.01}};
     for (const Entry& entry : kEntries)
         if (joint.starts_with(entry.name)) return entry.std_m;
     return 0;
