@@ -21,6 +21,7 @@ class CapsuleBalls {
 
     std::size_t size() const { return placed_[0].size(); }
     Vec3 in_world(std::size_t ball) const { return at(placed_, 0, ball); }
+    double radius_m(std::size_t ball) const { return placed_[3][ball]; }
 
     // Of the last measure(). 0 or less: inside, or this camera does not see it.
     double outside_m(std::size_t ball) const { return measured_[0][ball]; }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "common/geometry.h"
 
@@ -201,6 +202,17 @@ void PoseCost::contour_terms(int camera, const SilhouetteRays& view, double robu
     }
 }
 
+bool PoseCost::lacks_contrast(const SilhouetteRays& view, std::size_t ball, double m_per_px) const {
+    const Vec2 slope = balls_.slope(ball);
+    const double length = std::hypot(slope.x, slope.y);
+    if (view.border_without_contrast.size() == 0 || !(length > 0)) return false;
+    const std::optional<Vec2> centre = view.camera->project(balls_.in_world(ball));
+    if (!centre) return false;
+    const double inside_px = (balls_.radius_m(ball) - balls_.outside_m(ball)) / m_per_px;
+    return view.is_nearest_to_border_without_contrast(
+        {centre->x - inside_px * slope.x / length, centre->y - inside_px * slope.y / length});
+}
+
 void PoseCost::inside_terms(int camera, const SilhouetteRays& view, double robust_m) {
     const Camera& c = *view.camera;
     balls_.measure(view);
@@ -211,8 +223,8 @@ void PoseCost::inside_terms(int camera, const SilhouetteRays& view, double robus
             if (out <= 0) continue;
             const Vec3 in_camera = balls_.in_camera(n);
             const Vec2 slope = balls_.slope(n);
-            if (view.is_nearest_to_border_without_contrast(balls_.in_world(n), slope)) continue;
             const double m_per_px = 2 * in_camera.z / (c.fx + c.fy);
+            if (lacks_contrast(view, n, m_per_px)) continue;
             // d pixel / d point, neglecting distortion and movement along the depth.
             const Vec3 in_plane{slope.x * c.fx / in_camera.z * m_per_px,
                                 slope.y * c.fy / in_camera.z * m_per_px, 0};

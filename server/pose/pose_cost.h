@@ -83,6 +83,8 @@ class PoseCost {
     void find_terms(const BodyModel& model, const BodyPosture& posture, std::span<const SilhouetteRays> views,
                     double robust_m);
     void contour_terms(int camera, const SilhouetteRays& view, double robust_m);
+    // Whether what the ball is outside of is a border without contrast.
+    bool lacks_contrast(const SilhouetteRays& view, std::size_t ball, double m_per_px) const;
     void inside_terms(int camera, const SilhouetteRays& view, double robust_m);
     void floor_terms();
     void standing_terms();

@@ -203,20 +203,30 @@ std::optional<double> SilhouetteRays::inside_m(Vec3 in_world) const {
     return *inside_px * (2 * depth / (camera->fx + camera->fy));
 }
 
-bool SilhouetteRays::is_nearest_to_border_without_contrast(Vec3 in_world, Vec2 slope) const {
-    const double length = std::hypot(slope.x, slope.y);
-    if (border_without_contrast.empty() || !(length > 0)) return false;
-    const std::optional<Vec2> pixel = camera->project(in_world);
-    const std::optional<double> inside_px = pixel ? distance.at(*pixel) : std::nullopt;
-    if (!inside_px) return false;
-    const Vec2 at{pixel->x - *inside_px * slope.x / length, pixel->y - *inside_px * slope.y / length};
-    double nearest = std::numeric_limits<double>::infinity();
-    const auto distance2 = [&at](Vec2 p) {
-        return (p.x - at.x) * (p.x - at.x) + (p.y - at.y) * (p.y - at.y);
-    };
-    for (const Vec2& p : border_without_contrast) nearest = std::min(nearest, distance2(p));
-    return std::isfinite(nearest) &&
-           std::ranges::none_of(border, [&](const Vec2& p) { return distance2(p) < nearest; });
+void PixelList::assign(std::span<const Vec2> points) {
+    size_ = points.size();
+    const std::size_t whole = (size_ + kLanes - 1) / kLanes * kLanes;
+    x_.assign(whole, std::numeric_limits<float>::infinity());
+    y_.assign(whole, 0);
+    for (std::size_t n = 0; n < size_; ++n)
+        x_[n] = static_cast<float>(points[n].x), y_[n] = static_cast<float>(points[n].y);
+}
+
+float PixelList::squared_distance(Vec2 pixel) const {
+    const float px = static_cast<float>(pixel.x), py = static_cast<float>(pixel.y);
+    std::array<float, kLanes> nearest;
+    nearest.fill(std::numeric_limits<float>::infinity());
+    for (std::size_t first = 0; first < x_.size(); first += kLanes)
+        for (std::size_t k = 0; k < kLanes; ++k) {
+            const float dx = x_[first + k] - px, dy = y_[first + k] - py, square = dx * dx + dy * dy;
+            nearest[k] = square < nearest[k] ? square : nearest[k];
+        }
+    return *std::ranges::min_element(nearest);
+}
+
+bool SilhouetteRays::is_nearest_to_border_without_contrast(Vec2 pixel) const {
+    return border_without_contrast.size() > 0 &&
+           border_without_contrast.squared_distance(pixel) <= border.squared_distance(pixel);
 }
 
 bool shows_others(std::span<const SilhouetteRays> views) {
@@ -254,11 +264,12 @@ void read_silhouette(const Camera& camera, const kernels::Silhouettes& s, const 
         if (normal.x == 0 && normal.y == 0) continue;
         points.push_back({at, normal, image.data ? contrast_across(image, at, normal) : 0});
     }
-    out.border.clear(), out.border_without_contrast.clear();
+    std::vector<Vec2> used, not_used;
     if (image.data) {
-        out.border_without_contrast = remove_without_contrast(points);
-        for (const ContourPoint& point : points) out.border.push_back(point.at);
+        not_used = remove_without_contrast(points);
+        for (const ContourPoint& point : points) used.push_back(point.at);
     }
+    out.border.assign(used), out.border_without_contrast.assign(not_used);
     out.contour.origin_in_world = camera.centre_in_world();
     const Mat3 world_from_camera = camera.camera_from_world.rotation.transposed();
     for (const auto& [at, normal, contrast] : points) {

@@ -46,20 +46,33 @@ class SilhouetteDistance {
     std::vector<std::uint8_t> shared_;  // per cell, 1: most of it is in `also`; empty: none is
 };
 
+// Points of an image, px.
+class PixelList {
+  public:
+    void assign(std::span<const Vec2> points);
+    std::size_t size() const { return size_; }
+    // To the nearest, px^2; infinite without any.
+    float squared_distance(Vec2 pixel) const;
+
+  private:
+    static constexpr std::size_t kLanes = 8;  // that the compiler vectorises
+    std::size_t size_ = 0;
+    std::vector<float> x_, y_;  // whole lanes, the rest infinitely far
+};
+
 struct SilhouetteRays {
     const Camera* camera = nullptr;  // null: this camera is not used
     ContourRays contour;
     SilhouetteDistance distance;
     // px, of rays used and of rays not used; empty: the image was not read.
-    std::vector<Vec2> border, border_without_contrast;
+    PixelList border, border_without_contrast;
     ViewColours colours;  // empty: not read
 
     // How far a point lies inside the silhouette in the image, m at the point's depth; negative outside.
     // Empty where this camera does not see it.
     std::optional<double> inside_m(Vec3 in_world) const;
-    // Whether the border nearest to a point is known to be without contrast. `slope`: in the image, of the
-    // distance to the border, positive inside.
-    bool is_nearest_to_border_without_contrast(Vec3 in_world, Vec2 slope) const;
+    // Whether the border nearest to a pixel is known to be without contrast.
+    bool is_nearest_to_border_without_contrast(Vec2 pixel) const;
     // Whether this camera shows a point, and there this subject alone.
     bool shows_alone(Vec3 in_world) const;
 };
