@@ -1,5 +1,7 @@
 #include "server/pipeline/tracking/elsewhere.h"
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <opencv2/imgproc.hpp>
 
@@ -32,17 +34,27 @@ cv::Mat foreground_blocks(const kernels::Silhouettes& s, const kernels::Rect& su
     return blocks;
 }
 
+// How far a box in the image extends along the world's vertical: along its columns if the camera is turned to
+// portrait format, in any direction if it looks down.
+int along_vertical(const Camera& camera, int columns, int rows) {
+    constexpr double kSinOblique = 0.5;
+    const Vec3 up = camera.camera_from_world.rotation * Vec3{0, 0, 1};
+    if (std::hypot(up.x, up.y) < kSinOblique) return std::max(columns, rows);
+    return std::abs(up.x) > std::abs(up.y) ? columns : rows;
+}
+
 }  // namespace
 
-bool shows_person_outside(const kernels::Silhouettes& s, const kernels::Rect& subject) {
+bool shows_person_outside(const Camera& camera, const kernels::Silhouettes& s, const kernels::Rect& subject) {
     if (s.probability.empty()) return false;
     cv::Mat labels, components, centres;
     const int count = cv::connectedComponentsWithStats(foreground_blocks(s, subject), labels, components,
                                                        centres, 8, CV_32S);
     for (int i = 1; i < count; ++i) {
-        const int rows = components.at<int>(i, cv::CC_STAT_HEIGHT);
+        const int height = along_vertical(camera, components.at<int>(i, cv::CC_STAT_WIDTH),
+                                          components.at<int>(i, cv::CC_STAT_HEIGHT));
         const std::int64_t blocks = components.at<int>(i, cv::CC_STAT_AREA);
-        if (rows * kBlock_px * kMinPersonHeight >= s.height &&
+        if (height * kBlock_px * kMinPersonHeight >= s.height &&
             blocks * kBlock_px * kBlock_px * kMinPersonArea >= std::int64_t{s.height} * s.height)
             return true;
     }

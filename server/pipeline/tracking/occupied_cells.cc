@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
 #include <utility>
 
 namespace kinevox {
@@ -20,6 +21,11 @@ constexpr double kTrunkRadius_m = 0.14;
 constexpr double kMinTrunkDistance_m = 0.4;
 constexpr double kMinTrunkRatio = 0.55;   // of the cells around one trunk and around the largest
 constexpr double kMaxValleyRatio = 0.75;  // of the cells between two trunks and around the smaller
+
+// Halves of a person: a gap as high as a stripe of a shirt, or arms that hang beside the lower one.
+constexpr double kMinHalf_litres = 8, kMaxStandingBottom_m = 0.5;
+constexpr double kMaxHalvesGap_m = 0.25, kMaxHalvesOverlap_m = 0.4;  // vertical
+constexpr double kMaxHalvesApart_m = 0.4;                            // of their centres, horizontal
 
 }  // namespace
 
@@ -329,6 +335,31 @@ class TrunkMap {
 };
 
 }  // namespace
+
+void join_halves(const OccupiedCells& grid, std::vector<Cells>& parts) {
+    std::vector<CellStatistics> bodies;
+    for (const Cells& part : parts) bodies.push_back(grid.statistics(part));
+    const auto stands = [&](std::size_t k) { return bodies[k].min_in_world.z <= kMaxStandingBottom_m; };
+    for (std::size_t upper = 0; upper < parts.size(); ++upper) {
+        if (stands(upper) || bodies[upper].litres < kMinHalf_litres) continue;
+        std::optional<std::size_t> below;
+        double distance = kMaxHalvesApart_m;
+        for (std::size_t k = 0; k < parts.size(); ++k) {
+            if (!stands(k) || parts[k].empty() || bodies[k].litres < kMinHalf_litres) continue;
+            const double gap = bodies[upper].min_in_world.z - bodies[k].max_in_world.z;
+            const Vec3 offset = bodies[upper].centre_in_world - bodies[k].centre_in_world;
+            if (gap > kMaxHalvesGap_m || gap < -kMaxHalvesOverlap_m ||
+                std::hypot(offset.x, offset.y) > distance)
+                continue;
+            below = k, distance = std::hypot(offset.x, offset.y);
+        }
+        if (!below) continue;
+        parts[*below].insert(parts[*below].end(), parts[upper].begin(), parts[upper].end());
+        bodies[*below] = grid.statistics(parts[*below]);
+        parts[upper].clear();
+    }
+    std::erase_if(parts, [](const Cells& part) { return part.empty(); });
+}
 
 std::vector<Cells> split_by_trunks(const OccupiedCells& grid, const Cells& part) {
     const TrunkMap map(grid, part);

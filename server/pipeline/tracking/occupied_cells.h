@@ -74,6 +74,10 @@ class OccupiedCells {
     mutable std::vector<char> visited_;
 };
 
+// Joins parts that hang in the air with what stands below them: clothes of the background's colour divide a
+// person.
+void join_halves(const OccupiedCells& grid, std::vector<Cells>& parts);
+
 // The people in a part, each as its share of the cells: where the part has several trunks, the cells nearest
 // to each. A part with one trunk or none is one share.
 std::vector<Cells> split_by_trunks(const OccupiedCells& grid, const Cells& part);

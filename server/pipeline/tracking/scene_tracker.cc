@@ -356,7 +356,9 @@ void SceneTracker::find_new(std::int64_t time_ns, const SilhouettesByCamera& sil
     still_pending_.clear();
     const bool first = subjects_.empty();
     std::vector<Cells> people;
-    for (const Cells& part : grid_.parts(OccupiedCells::kFree)) {
+    std::vector<Cells> parts = grid_.parts(OccupiedCells::kFree);
+    join_halves(grid_, parts);
+    for (const Cells& part : parts) {
         if (!may_start(part)) continue;
         for (Cells& share : split_by_trunks(grid_, part))
             if (may_start(share)) people.push_back(std::move(share));

@@ -206,7 +206,7 @@ bool SubjectTracker::sees_others(std::int64_t time_ns, const SilhouettesByCamera
         if (whole) {
             const kernels::Rect box = projected_box(cameras_[c], {subject->box_in_world.min_in_world - wide,
                                                                   subject->box_in_world.max_in_world + wide});
-            last = shows_person_outside(*silhouettes[c], box) ? time_ns : 0;
+            last = shows_person_outside(cameras_[c], *silhouettes[c], box) ? time_ns : 0;
         }
         showing += last != 0 && time_ns - last <= nanoseconds(1.5 * look_interval_s);
     }

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
-#include <functional>
 #include <iterator>
 #include <limits>
 #include <memory>
@@ -158,22 +157,19 @@ std::vector<Table> tables_of(const std::vector<PoseRow>& rows, const PosePass& p
 // How well the posed bodies of all subjects fit their silhouettes.
 struct PoseFitSummary {
     std::optional<double> contour_residual_m;  // median
-    double withheld_fraction = 0;              // of the joints
+    std::int64_t measured_joints = 0;          // of all subjects, without those withheld
 };
 
 PoseFitSummary summarize(const std::vector<PoseRow>& rows) {
     PoseFitSummary out;
     std::vector<double> residuals;
-    std::int64_t joints = 0, withheld = 0;
     for (const PoseRow& row : rows) {
         if (!row.pose) continue;
         residuals.push_back(row.pose->contour_residual_rms_m);
-        joints += std::ssize(row.pose->joints);
-        withheld += std::ranges::count_if(row.pose->joints, std::not_fn(&JointEstimate::measured));
+        out.measured_joints += std::ranges::count_if(row.pose->joints, &JointEstimate::measured);
     }
     if (residuals.empty()) return out;
     out.contour_residual_m = median_of(residuals);
-    out.withheld_fraction = static_cast<double>(withheld) / static_cast<double>(joints);
     return out;
 }
 
@@ -299,12 +295,14 @@ bool may_lack_parts(const Run& run) {
 }
 
 // Shadows taken for the subject fit no body either, so the residual decides between the two rules, together
-// with the joints that neither shows.
+// with the joints that only the other measures.
 bool is_better(const PoseFitSummary& one, const PoseFitSummary& other) {
-    constexpr double kWithheld_m = 0.1;  // what a joint without a position counts
+    constexpr double kMissing_m = 0.1;  // what a joint without a position counts
     if (!one.contour_residual_m || !other.contour_residual_m) return false;
-    const auto cost = [](const PoseFitSummary& run) {
-        return *run.contour_residual_m + kWithheld_m * run.withheld_fraction;
+    const auto all = static_cast<double>(std::max(one.measured_joints, other.measured_joints));
+    const auto cost = [&](const PoseFitSummary& run) {
+        const double missing = all > 0 ? 1 - static_cast<double>(run.measured_joints) / all : 0;
+        return *run.contour_residual_m + kMissing_m * missing;
     };
     return cost(one) < cost(other);
 }

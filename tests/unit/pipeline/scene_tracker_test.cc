@@ -347,6 +347,26 @@ int bricks_between(const kernels::Lattice& whole, const kernels::Lattice& part, 
     return static_cast<int>(std::lround(bricks));
 }
 
+TEST(OccupiedCells, JoinsHalvesOfAPersonWithAGapAtTheWaist) {
+    const OccupiedCells grid = grid_of(1.5);
+    const Cells lower = column(grid, {-0.5, 0, 0}, 0.2, 0, 0.95),
+                other = column(grid, {0.7, 0, 0}, 0.2, 0, 1.7);
+    const Cells upper = column(grid, {-0.42, 0, 0}, 0.2, 1.05, 1.6);
+    std::vector<Cells> parts{other, lower, upper};
+    join_halves(grid, parts);
+    EXPECT_THAT(parts, ElementsAre(other, joined(lower, upper)));
+}
+
+TEST(OccupiedCells, KeepsPartHighAboveAndBesideOthersApart) {
+    const OccupiedCells grid = grid_of(1.5);
+    const std::vector<Cells> parts{column(grid, {-0.5, 0, 0}, 0.2, 0, 0.8),
+                                   column(grid, {-0.5, 0, 0}, 0.2, 1.2, 1.7),  // 0.4 m above
+                                   column(grid, {0.3, 0, 0}, 0.2, 0.9, 1.4)};  // 0.8 m beside
+    std::vector<Cells> after = parts;
+    join_halves(grid, after);
+    EXPECT_EQ(after, parts);
+}
+
 TEST(OccupiedCells, SplitsTwoTrunksThatTouch) {
     const OccupiedCells grid = grid_of(1);
     const Cells both =

@@ -258,21 +258,38 @@ TEST(SubjectTracker, GivesOldIdToLonePersonWhoReturns) {
                             ContainsRegex("subject 1 recognised \\(9[0-9] % sure\\) at")));
 }
 
-TEST(PersonOutside, IsAsLargeAsAPerson) {
+kernels::Silhouettes empty_silhouettes() {
     kernels::Silhouettes s;
     s.width = 320, s.height = 240;
     s.probability.assign(std::size_t{320} * 240, 0);
-    const auto fill = [&](const kernels::Rect& box) {
-        for (int y = box.y0; y < box.y1; ++y)
-            for (int x = box.x0; x < box.x1; ++x) s.probability[static_cast<std::size_t>(y) * 320 + x] = 200;
-    };
+    return s;
+}
+
+void fill_probability(const kernels::Rect& box, kernels::Silhouettes& s) {
+    for (int y = box.y0; y < box.y1; ++y)
+        for (int x = box.x0; x < box.x1; ++x) s.probability[static_cast<std::size_t>(y) * s.width + x] = 200;
+}
+
+TEST(PersonOutside, IsAsLargeAsAPerson) {
+    const Camera camera = four_cameras()[0];
+    kernels::Silhouettes s = empty_silhouettes();
+    const auto fill = [&](const kernels::Rect& box) { fill_probability(box, s); };
     const kernels::Rect subject{100, 40, 160, 220};
     fill({110, 50, 150, 210});
-    EXPECT_FALSE(shows_person_outside(s, subject));
+    EXPECT_FALSE(shows_person_outside(camera, s, subject));
     fill({300, 100, 316, 110});
-    EXPECT_FALSE(shows_person_outside(s, subject)) << "too low";
+    EXPECT_FALSE(shows_person_outside(camera, s, subject)) << "too low";
     fill({240, 80, 264, 150});
-    EXPECT_TRUE(shows_person_outside(s, subject));
+    EXPECT_TRUE(shows_person_outside(camera, s, subject));
+}
+
+TEST(PersonOutside, LiesAlongTheRowsOfACameraInPortraitFormat) {
+    Camera camera = four_cameras()[0];
+    kernels::Silhouettes s = empty_silhouettes();
+    fill_probability({230, 80, 300, 96}, s);
+    EXPECT_FALSE(shows_person_outside(camera, s, {}));
+    camera.camera_from_world.rotation = rotation_z(radians(90)) * camera.camera_from_world.rotation;
+    EXPECT_TRUE(shows_person_outside(camera, s, {}));
 }
 
 }  // namespace
