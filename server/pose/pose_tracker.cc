@@ -553,7 +553,7 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
         check_turned(best, views, seconds);
         if (colours_ && !shows_others(views)) move_arms(best, views);
         choose();
-        turn_feet(hypotheses_.front(), views);
+        if (is_live()) turn_feet(hypotheses_.front(), views);
         usual_interval_s_ = kIntervalMemory * usual_interval_s_ + (1 - kIntervalMemory) * seconds;
     }
     last_time_ns_ = time_ns;
