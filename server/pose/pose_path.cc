@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "common/body_pose.h"
+#include "server/pose/pose_fitter.h"
 
 namespace kinevox {
 namespace {
@@ -216,6 +217,23 @@ class Run {
 };
 
 }  // namespace
+
+bool same_joints(const PathCandidate& a, const PathCandidate& b) {
+    constexpr double kSameJoints_m = 0.03;
+    return max_joint_distance(a.joints_in_world, b.joints_in_world) < kSameJoints_m;
+}
+
+bool is_known(const JointPositions& joints_in_world, std::span<const PathCandidate> known) {
+    return std::ranges::any_of(known, [&](const PathCandidate& other) {
+        return max_joint_distance(other.joints_in_world, joints_in_world) < kKnownJoints_m;
+    });
+}
+
+bool is_worse(const PathCandidate& candidate, std::span<const PathCandidate> known) {
+    return std::ranges::any_of(known, [&](const PathCandidate& other) {
+        return other.cost <= candidate.cost && same_joints(other, candidate);
+    });
+}
 
 std::vector<PathChoice> choose_path(std::span<const PathFrame> frames) {
     std::vector<PathChoice> choices(frames.size());

@@ -19,6 +19,13 @@ struct PathCandidate {
     double total() const { return cost + colour_cost; }
 };
 
+// Candidates with no joint farther apart than 3 cm are one.
+bool same_joints(const PathCandidate& a, const PathCandidate& b);
+// Whether a fit that approaches these joints ends at one of the candidates (kKnownJoints_m).
+bool is_known(const JointPositions& joints_in_world, std::span<const PathCandidate> known);
+// Whether the silhouettes prefer a candidate with the same joints.
+bool is_worse(const PathCandidate& candidate, std::span<const PathCandidate> known);
+
 struct PathFrame {
     double time_s = 0;
     std::vector<PathCandidate> candidates;  // none: the path is interrupted

@@ -24,8 +24,7 @@ namespace {
 constexpr int kSweeps = 2;  // of fits between the neighbours
 constexpr double kMinInterval_s = 1e-3;
 constexpr std::size_t kMaxCandidates = 8;
-constexpr double kSameJoints_m = 0.03;  // candidates with no joint farther apart are one
-constexpr double kHopeless = 80;        // a candidate that costs more than the cheapest by this is dropped
+constexpr double kHopeless = 80;  // a candidate that costs more than the cheapest by this is dropped
 
 constexpr double kPoor = 1.4;  // a path's cost that suggests a lost body, in medians
 // Of a path beside other people, whose silhouettes explain a limb anywhere: cost relative to the path so far.
@@ -425,19 +424,6 @@ class Recording {
         PathCandidate c = without_colours(n, posture, cost);
         c.colour_cost = colours_.cost(recorded_[n].seen->views, cost.capsules());
         return c;
-    }
-    static bool same_joints(const PathCandidate& a, const PathCandidate& b) {
-        return max_joint_distance(a.joints_in_world, b.joints_in_world) < kSameJoints_m;
-    }
-    static bool is_known(const JointPositions& joints_in_world, std::span<const PathCandidate> known) {
-        return std::ranges::any_of(known, [&](const PathCandidate& other) {
-            return max_joint_distance(other.joints_in_world, joints_in_world) < kKnownJoints_m;
-        });
-    }
-    // Whether the silhouettes prefer a candidate with the same joints.
-    static bool is_worse(const PathCandidate& c, std::span<const PathCandidate> known) {
-        return std::ranges::any_of(
-            known, [&](const PathCandidate& other) { return other.cost <= c.cost && same_joints(other, c); });
     }
     // Replaces a dearer candidate with the same joints; false if there is none with the same joints.
     bool merge(std::size_t n, const PathCandidate& c) {
