@@ -203,9 +203,10 @@ void PoseCost::contour_terms(int camera, const SilhouetteRays& view, double robu
 }
 
 bool PoseCost::lacks_contrast(const SilhouetteRays& view, std::size_t ball, double m_per_px) const {
+    if (view.border_without_contrast.size() == 0) return false;
     const Vec2 slope = balls_.slope(ball);
     const double length = std::hypot(slope.x, slope.y);
-    if (view.border_without_contrast.size() == 0 || !(length > 0)) return false;
+    if (!(length > 0)) return false;
     const std::optional<Vec2> centre = view.camera->project(balls_.in_world(ball));
     if (!centre) return false;
     const double inside_px = (balls_.radius_m(ball) - balls_.outside_m(ball)) / m_per_px;

@@ -225,7 +225,7 @@ float PixelList::squared_distance(Vec2 pixel) const {
 }
 
 bool SilhouetteRays::is_nearest_to_border_without_contrast(Vec2 pixel) const {
-    return border_without_contrast.size() > 0 &&
+    return border_without_contrast.size() > 0 &&  // else both may be infinite
            border_without_contrast.squared_distance(pixel) <= border.squared_distance(pixel);
 }
 

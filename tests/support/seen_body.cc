@@ -129,9 +129,9 @@ BodyCoordinates SeenBody::t_pose() const {
     return q;
 }
 
-std::vector<SilhouetteRays> SeenBody::see(const BodyCoordinates& q) const {
+std::vector<SilhouetteRays> SeenBody::see(const BodyPosture& posture) const {
     std::vector<BodyCapsule> capsules;
-    model->capsules(model->forward(q), capsules);
+    model->capsules(model->forward(posture), capsules);
     cut_below(hidden_below_m, capsules);
     std::vector<SilhouetteRays> views(cameras.size());
     for (std::size_t c = 0; c < cameras.size(); ++c)

@@ -23,7 +23,10 @@ struct SeenBody {
 
     BodyCoordinates standing() const;  // one arm and one leg forward
     BodyCoordinates t_pose() const;
-    std::vector<SilhouetteRays> see(const BodyCoordinates& q) const;
+    std::vector<SilhouetteRays> see(const BodyPosture& posture) const;
+    std::vector<SilhouetteRays> see(const BodyCoordinates& q) const {
+        return see(posture_from_coordinates(q));
+    }
     double error_m(const BodyPosture& posture, const BodyCoordinates& truth) const;  // mean over the joints
 };
 

@@ -23,7 +23,7 @@ constexpr double kMinTrunkRatio = 0.55;   // of the cells around one trunk and a
 constexpr double kMaxValleyRatio = 0.75;  // of the cells between two trunks and around the smaller
 
 // Halves of a person: a gap as high as a stripe of a shirt, or arms that hang beside the lower one.
-constexpr double kMinHalf_litres = 8, kMaxStandingBottom_m = 0.5;
+constexpr double kMinHalf_litres = 8;
 constexpr double kMaxHalvesGap_m = 0.25, kMaxHalvesOverlap_m = 0.4;  // vertical
 constexpr double kMaxHalvesApart_m = 0.4;                            // of their centres, horizontal
 
@@ -339,7 +339,7 @@ class TrunkMap {
 void join_halves(const OccupiedCells& grid, std::vector<Cells>& parts) {
     std::vector<CellStatistics> bodies;
     for (const Cells& part : parts) bodies.push_back(grid.statistics(part));
-    const auto stands = [&](std::size_t k) { return bodies[k].min_in_world.z <= kMaxStandingBottom_m; };
+    const auto stands = [&](std::size_t k) { return bodies[k].min_in_world.z <= kMaxUprightBottom_m; };
     for (std::size_t upper = 0; upper < parts.size(); ++upper) {
         if (stands(upper) || bodies[upper].litres < kMinHalf_litres) continue;
         std::optional<std::size_t> below;

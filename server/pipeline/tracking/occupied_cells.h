@@ -74,6 +74,9 @@ class OccupiedCells {
     mutable std::vector<char> visited_;
 };
 
+// Of a person who stands or walks, above the floor.
+inline constexpr double kMaxUprightBottom_m = 0.5;
+
 // Joins parts that hang in the air with what stands below them: clothes of the background's colour divide a
 // person.
 void join_halves(const OccupiedCells& grid, std::vector<Cells>& parts);

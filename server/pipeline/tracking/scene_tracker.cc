@@ -21,7 +21,7 @@ constexpr double kMaxGrowth_m = 0.5;  // of a subject's shape from one frame set
 constexpr double kBeside_m = 0.2;     // between a subject's largest part and its others, horizontally
 
 constexpr double kMinPerson_litres = 20, kMaxPerson_litres = 1000;
-constexpr double kMinUprightTop_m = 1.0, kMaxUprightBottom_m = 0.5;
+constexpr double kMinUprightTop_m = 1.0;
 constexpr double kMinLyingLength_m = 0.7;
 constexpr double kTall_m = 1.3;  // of most people who stand, and of little furniture
 constexpr double kMinSubject_litres = 8;

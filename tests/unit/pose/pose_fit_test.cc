@@ -153,21 +153,12 @@ BodyPosture with_turned_feet(const BodyPosture& straight) {
     return turned;
 }
 
-std::vector<SilhouetteRays> views_of(const Scene& scene, const BodyPosture& posture) {
-    std::vector<BodyCapsule> capsules;
-    scene.model->capsules(scene.model->forward(posture), capsules);
-    std::vector<SilhouetteRays> views(scene.cameras.size());
-    for (std::size_t c = 0; c < views.size(); ++c)
-        read_silhouette(scene.cameras[c], testing::silhouette_of(scene.cameras[c], capsules), {}, views[c]);
-    return views;
-}
-
 TEST(TurnFeet, FindsFeetTurnedInAndOut) {
     const Scene scene;
     const BodyPosture straight = posture_from_coordinates(scene.standing());
     const BodyPosture turned = with_turned_feet(straight);
     EXPECT_NEAR(foot_turn(turned, kFootL), kTurnL, 1e-9);
-    const auto views = views_of(scene, turned);
+    const auto views = scene.see(turned);
     PoseCost cost;
     BodyPosture found = straight;
     turn_feet(*scene.model, views, 0.04, 4, cost, found);
@@ -183,7 +174,7 @@ TEST(TurnFeet, FindsFeetTurnedInAndOut) {
 TEST(PoseTracker, FindsTurnedFeet) {
     const Scene scene;
     const BodyPosture truth = with_turned_feet(posture_from_coordinates(scene.standing()));
-    const auto views = views_of(scene, truth);
+    const auto views = scene.see(truth);
     PoseTracker tracker(30);
     tracker.set_model(scene.model);
     std::optional<TrackedPosture> tracked;
