@@ -1,6 +1,7 @@
 #include "kernels/ray_capsule.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -53,10 +54,39 @@ inline SeenCapsule seen_from(const float* origin, const TaperedCapsule& c) {
     return s;
 }
 
-// False if the ball around the capsule is for no ray nearer than what was found. A margin is left for what
-// floats lose.
-inline bool may_be_nearest(const RayBlock& rays, const SeenCapsule& c) {
-    constexpr float kMargin_m = 1e-3f, kMargin2 = 1e-4f;
+// A margin for what floats lose.
+constexpr float kMargin_m = 1e-3f, kMargin2 = 1e-4f;
+
+// The balls around capsules, for all capsules at once; those that do not exist are infinitely far.
+constexpr int kLanes = 16;
+struct SeenBalls {
+    float x[kMaxCapsules], y[kMaxCapsules], z[kMaxCapsules];
+    float distance2[kMaxCapsules], radius[kMaxCapsules];
+};
+
+inline void add_ball(SeenBalls& balls, int k, const SeenCapsule& c) {
+    balls.x[k] = c.centre[0], balls.y[k] = c.centre[1], balls.z[k] = c.centre[2];
+    balls.distance2[k] = c.centre2;
+    balls.radius[k] = c.ball_radius + kMargin_m;
+}
+
+// Marks the capsules whose balls are for one of the rays nearer than what was found.
+inline void find_near(const RayBlock& rays, const SeenBalls& balls, int count, std::int32_t* is_near) {
+    std::fill_n(is_near, kMaxCapsules, 0);
+    for (int i = 0; i < kBlock; ++i) {
+        const float dx = rays.dx[i], dy = rays.dy[i], dz = rays.dz[i], best = rays.best[i];
+        for (int first = 0; first < count; first += kLanes)
+            for (int k = first; k < first + kLanes; ++k) {
+                const float along = dx * balls.x[k] + dy * balls.y[k] + dz * balls.z[k];
+                const float within = best + balls.radius[k];
+                is_near[k] |=
+                    (within > 0.f) & (balls.distance2[k] - along * along < within * within + kMargin2);
+            }
+    }
+}
+
+// False if the ball around the capsule is for no ray nearer than what was found.
+inline bool is_nearest(const RayBlock& rays, const SeenCapsule& c) {
     int any = 0;
     for (int i = 0; i < kBlock; ++i) {
         const float along = rays.dx[i] * c.centre[0] + rays.dy[i] * c.centre[1] + rays.dz[i] * c.centre[2];
@@ -73,10 +103,11 @@ inline void meet(RayBlock& rays, const SeenCapsule& c, int index) {
         const float de = rays.dx[i] * c.e[0] + rays.dy[i] * c.e[1] + rays.dz[i] * c.e[2];
         const float da = rays.dx[i] * c.a[0] + rays.dy[i] * c.a[1] + rays.dz[i] * c.a[2];
         const float q2 = c.ee - de * de + 1e-9f, q1 = c.ea - de * da, q0 = c.aa - da * da;
-        float t = -q1 / q2;
+        const float per_q2 = 1 / q2;
+        float t = -q1 * per_q2;
         const float h2 = std::max(q0 + q1 * t, 0.f);
-        const float slope = c.taper * c.taper / q2;
-        t += c.taper * std::sqrt(h2) / (q2 * std::sqrt(std::max(1 - slope, 0.05f)));
+        const float slope = c.taper * c.taper * per_q2;
+        t += c.taper * per_q2 * std::sqrt(h2 / std::max(1 - slope, 0.05f));
         t = std::min(std::max(t, 0.f), 1.f);
         const float d = std::sqrt(std::max(q0 + t * (2 * q1 + q2 * t), 0.f)) - (c.radius_a + c.taper * t);
         const float side = rays.nx[i] * (c.a[0] + t * c.e[0]) + rays.ny[i] * (c.a[1] + t * c.e[1]) +
@@ -93,25 +124,51 @@ inline void meet(RayBlock& rays, const SeenCapsule& c, int index) {
 void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> capsules, bool known,
                       float* distance_m, int* nearest) {
     SeenCapsule seen[kMaxCapsules];
+    SeenBalls balls;
+    std::int32_t is_near[kMaxCapsules];
     const int count = static_cast<int>(capsules.size());
-    for (int k = 0; k < count; ++k) seen[k] = seen_from(rays.origin, capsules[k]);
+    for (int k = 0; k < count; ++k) {
+        seen[k] = seen_from(rays.origin, capsules[k]);
+        add_ball(balls, k, seen[k]);
+    }
+    for (int k = count; k % kLanes != 0; ++k)
+        balls.x[k] = balls.y[k] = balls.z[k] = balls.radius[k] = 0, balls.distance2[k] = 1e30f;
     RayBlock block{};
-    int likely = 0;  // neighbours on the border are near one capsule
+    // Neighbours on the border are near the same capsules: those of the block before come first, so that
+    // all farther ones are seen to be farther.
+    int likely[kBlock], likely_count = 0;
     for (int first = 0; first < rays.count; first += kBlock) {
         const int size = std::min(kBlock, rays.count - first);
         const auto load = [&](const float* from, float* to) {
-            std::memcpy(to, from + first, sizeof(float) * static_cast<std::size_t>(size));
+            if (size == kBlock)  // of a known size it is one instruction
+                std::memcpy(to, from + first, sizeof(float) * kBlock);
+            else
+                std::memcpy(to, from + first, sizeof(float) * static_cast<std::size_t>(size));
         };
         load(rays.direction[0], block.dx), load(rays.direction[1], block.dy),
             load(rays.direction[2], block.dz);
         load(rays.outward[0], block.nx), load(rays.outward[1], block.ny), load(rays.outward[2], block.nz);
+        for (int i = size; i < kBlock; ++i)  // as the last one
+            block.dx[i] = block.dx[size - 1], block.dy[i] = block.dy[size - 1],
+            block.dz[i] = block.dz[size - 1], block.nx[i] = block.nx[size - 1],
+            block.ny[i] = block.ny[size - 1], block.nz[i] = block.nz[size - 1];
         std::fill_n(block.best, kBlock, kWrongSide_m);
-        if (known) load(distance_m, block.best);
+        if (known) {
+            load(distance_m, block.best);
+            for (int i = size; i < kBlock; ++i) block.best[i] = block.best[size - 1];
+        }
         std::fill_n(block.which, kBlock, -1);
-        if (count > 0 && (!known || may_be_nearest(block, seen[likely]))) meet(block, seen[likely], likely);
+        for (int n = 0; n < likely_count; ++n)
+            if (const int k = likely[n]; is_nearest(block, seen[k])) meet(block, seen[k], k);
+        find_near(block, balls, count, is_near);
+        for (int n = 0; n < likely_count; ++n) is_near[likely[n]] = 0;
         for (int k = 0; k < count; ++k)
-            if (k != likely && may_be_nearest(block, seen[k])) meet(block, seen[k], k);
-        likely = std::max(block.which[size - 1], 0);
+            if (is_near[k] && is_nearest(block, seen[k])) meet(block, seen[k], k);
+        likely_count = 0;
+        for (int i = 0; i < size; ++i)
+            if (const int k = block.which[i];
+                k >= 0 && std::find(likely, likely + likely_count, k) == likely + likely_count)
+                likely[likely_count++] = k;
         std::copy_n(block.best, size, distance_m + first);
         std::copy_n(block.which, size, nearest + first);
     }

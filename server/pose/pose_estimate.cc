@@ -163,6 +163,7 @@ bool explained_elsewhere(const ContourRays& rays, const SurfaceTerm& term,
     return std::ranges::any_of(capsules, [&](const BodyCapsule& other) {
         const int s = other.segment;
         if (s == segment || kBodyParent[s] == segment || kBodyParent[segment] == s) return false;
+        if (distance_to_ball_m(origin, direction, other) > kMaxElsewhere_m) return false;
         const RayTouch touch = touch_ray(origin, direction, outward, other);
         return touch.usable && std::abs(touch.distance) < kMaxElsewhere_m;
     });

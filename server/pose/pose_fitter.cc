@@ -89,18 +89,18 @@ void PoseFitter::descend(const BodyModel& model, std::span<const SilhouetteRays>
     }
 }
 
-BodyPosture PoseFitter::approach(const BodyModel& model, std::span<const SilhouetteRays> views,
-                                 const BodyPosture& start, const MotionPrior* prior) {
+PoseFit PoseFitter::approach(const BodyModel& model, std::span<const SilhouetteRays> views,
+                             const BodyPosture& start, const MotionPrior* prior) {
     PoseFit fit;
     fit.posture = start;
     descend(model, views, prior, options_.wide_m, options_.wide_steps, fit);
-    return fit.posture;
+    return fit;
 }
 
 PoseFit PoseFitter::fit(const BodyModel& model, std::span<const SilhouetteRays> views,
                         const BodyPosture& start, const MotionPrior* prior, bool wide) {
     PoseFit fit;
-    fit.posture = wide ? approach(model, views, start, prior) : start;
+    fit.posture = wide ? approach(model, views, start, prior).posture : start;
     descend(model, views, prior, options_.narrow_m, options_.narrow_steps, fit);
     // The terms are those of the last step tried; at the solution they are nearly the same.
     int rays = 0;

@@ -343,6 +343,7 @@ bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
                                                       exchanged(h.fit.posture, kLegSegments)};
     const JointPositions known = model_->forward(h.fit.posture).joints_in_world;
     std::array<std::optional<PoseFit>, kStartCount> found;
+    const double wide_cost = workspaces_.front().fitter.cost_of(*model_, views, h.fit.posture);
     double cost = 0;
     in_parallel(kStartCount + 1, [&](Workspace& work, std::size_t k) {
         PoseFitter& fitter = work.fitter;
@@ -350,10 +351,13 @@ bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
             cost = free_fit(work, h, views, h.fit.posture).total();
             return;
         }
-        if (beside_others && k > 0) return;
-        const BodyPosture near = fitter.approach(*model_, views, starts[k], nullptr);
-        if (max_joint_distance(model_->forward(near).joints_in_world, known) >= kKnownJoints_m)
-            found[k] = fitter.fit(*model_, views, near, nullptr, false);
+        if (k > 0 &&
+            (beside_others || fitter.cost_of(*model_, views, starts[k]) > max_exchanged_cost(wide_cost)))
+            return;
+        const PoseFit near = fitter.approach(*model_, views, starts[k], nullptr);
+        if (near.at.cost <= max_approached_cost(wide_cost) &&
+            max_joint_distance(model_->forward(near.posture).joints_in_world, known) >= kKnownJoints_m)
+            found[k] = fitter.fit(*model_, views, near.posture, nullptr, false);
     });
     bool is_exchanged = false;
     for (std::size_t k = 0; k < kStartCount; ++k) {

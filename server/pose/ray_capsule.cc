@@ -1,5 +1,7 @@
 #include "server/pose/ray_capsule.h"
 
+#include <algorithm>
+
 #include "kernels/ray_touch.h"
 
 namespace kinevox {
@@ -40,6 +42,13 @@ void nearest_capsules(const ContourRays& rays, std::span<const BodyCapsule> caps
     thread_local std::vector<kernels::TaperedCapsule> plain;
     copy(capsules, plain);
     kernels::nearest_capsules(bundle_of(rays), plain, distance.data(), capsule.data());
+}
+
+double distance_to_ball_m(Vec3 origin, Vec3 direction, const BodyCapsule& capsule) {
+    const Vec3 a{capsule.a[0], capsule.a[1], capsule.a[2]}, b{capsule.b[0], capsule.b[1], capsule.b[2]};
+    const Vec3 to_centre = 0.5 * (a + b) - origin;
+    return norm(to_centre - dot(to_centre, direction) * direction) - 0.5 * norm(b - a) -
+           std::max(capsule.radius_a, capsule.radius_b);
 }
 
 RayTouch touch_ray(Vec3 origin, Vec3 direction, Vec3 outward, const BodyCapsule& c) {

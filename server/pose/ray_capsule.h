@@ -29,6 +29,9 @@ struct RayTouch {
 // Exact for one ray. If a thin capsule's axis is outside the border, the distance is that to the other side.
 RayTouch touch_ray(Vec3 origin, Vec3 direction, Vec3 outward, const BodyCapsule& capsule);
 
+// Of a ray to the ball around a capsule; negative inside. No point of the capsule is nearer.
+double distance_to_ball_m(Vec3 origin, Vec3 direction, const BodyCapsule& capsule);
+
 // For each ray the nearest capsule and where the ray touches it. Keeps its memory.
 class NearestCapsules {
   public:

@@ -36,7 +36,8 @@ constexpr std::size_t kLimbStarts = 3;  // other limbs that are fitted per frame
 
 constexpr std::array<double, 3> kPathArmMoves_rad{0.6, 0.3, 0.15};  // of move_arms(), as are the next lines
 constexpr int kMaxArmMoves = 4;                                     // by each angle
-constexpr std::size_t kMovedCandidates = 2;                         // per frame set
+constexpr std::size_t kPathArmStarts = 4;    // of a search anywhere, those that match best
+constexpr std::size_t kMovedCandidates = 2;  // per frame set
 
 // Near the ends of a path silent errors are ten times as frequent (random trials of one and several people).
 constexpr std::size_t kEndFrames = 2;
@@ -102,7 +103,7 @@ class Recording {
     void learn_colours() {
         std::vector<BodyColours::Example> examples(frames_.size());
         each([&](std::size_t n) {
-            examples[n].views = recorded_[n].seen->views;
+            examples[n].views = views_of(n);
             model_.capsules(model_.forward(*chosen(n)), examples[n].capsules);
         });
         colours_.learn(examples);
@@ -110,7 +111,7 @@ class Recording {
             std::vector<BodyCapsule> capsules;
             for (PathCandidate& c : frames_[n].candidates) {
                 model_.capsules(model_.forward(c.posture), capsules);
-                c.colour_cost = colours_.cost(recorded_[n].seen->views, capsules);
+                c.colour_cost = colours_.cost(views_of(n), capsules);
             }
         });
     }
@@ -122,16 +123,18 @@ class Recording {
         each([&](std::size_t n) {
             PoseFitter fitter(options_.tracker.fit);
             PoseCost cost(options_.tracker.fit.cost);
-            for (const BodyPosture& start : starts_around(n, fitter)) {
-                const BodyPosture near = fitter.approach(model_, recorded_[n].seen->views, start, nullptr);
-                const JointPositions joints = model_.forward(near).joints_in_world;
+            const double wide_cost = fitter.cost_of(model_, views_of(n), *chosen(n));
+            for (const BodyPosture& start : starts_around(n, wide_cost, fitter)) {
+                const PoseFit near = fitter.approach(model_, views_of(n), start, nullptr);
+                if (near.at.cost > max_approached_cost(wide_cost)) continue;
+                const JointPositions joints = model_.forward(near.posture).joints_in_world;
                 if (is_known(joints, frames_[n].candidates) || is_known(joints, found[n])) continue;
-                const PoseFit fit = fitter.fit(model_, recorded_[n].seen->views, near, nullptr, false);
+                const PoseFit fit = fitter.fit(model_, views_of(n), near.posture, nullptr, false);
                 PathCandidate c = without_colours(n, fit.posture, cost);
                 if (c.cost > chosen_cost(n) + kHopeless || is_worse(c, frames_[n].candidates) ||
                     is_worse(c, found[n]))
                     continue;
-                c.colour_cost = colours_.cost(recorded_[n].seen->views, cost.capsules());
+                c.colour_cost = colours_.cost(views_of(n), cost.capsules());
                 found[n].push_back(c);
             }
         });
@@ -155,10 +158,9 @@ class Recording {
                 arms_moved_[n].push_back(start);
                 BodyPosture moved = start;
                 for (const Limb arm : {Limb::kArmL, Limb::kArmR}) {
-                    ArmSearch search(model_, moved, arm, recorded_[n].seen->views, colours_,
-                                     options_.tracker.fit);
+                    ArmSearch search(model_, moved, arm, views_of(n), colours_, options_.tracker.fit);
                     search.improve(kPathArmMoves_rad, kMaxArmMoves);
-                    search.improve_anywhere(limbs, kPathArmMoves_rad, kMaxArmMoves);
+                    search.improve_anywhere(limbs, kPathArmMoves_rad, kMaxArmMoves, kPathArmStarts);
                     if (search.gain() >= kLimbGain) moved = search.best().posture;
                 }
                 if (moved != start) found[n].push_back(candidate(n, moved, cost));
@@ -217,8 +219,7 @@ class Recording {
                 std::stable_sort(starts.begin(), starts.end(), cheaper);
                 starts.resize(std::min(starts.size(), kLimbStarts));
                 for (const PathCandidate& start : starts) {
-                    const PoseFit fit =
-                        fitter.fit(model_, recorded_[n].seen->views, start.posture, nullptr, false);
+                    const PoseFit fit = fitter.fit(model_, views_of(n), start.posture, nullptr, false);
                     found[n].candidates.push_back(candidate(n, fit.posture, cost));
                     found[n].candidates.back().cost += kLimbGain;
                 }
@@ -248,7 +249,7 @@ class Recording {
                     return;
                 const MotionPrior prior = expected_between(n);
                 PoseFitter fitter(options_.tracker.fit);
-                path_[n] = fitter.fit(model_, recorded_[n].seen->views, *path_[n], &prior, false).posture;
+                path_[n] = fitter.fit(model_, views_of(n), *path_[n], &prior, false).posture;
             });
         turn_feet();
     }
@@ -263,16 +264,15 @@ class Recording {
             pose->sequence = recorded_[n].sequence;
             pose->capture_time_ns = recorded_[n].seen->time_ns;
             Linearisation data;
-            cost.linearise(model_, *path_[n], recorded_[n].seen->views, nullptr,
-                           options_.tracker.fit.narrow_m, data);
+            cost.linearise(model_, *path_[n], views_of(n), nullptr, options_.tracker.fit.narrow_m, data);
             pose->contour_residual_rms_m = contour_fit(cost.terms(), options_.tracker.fit.narrow_m).rms_m;
             std::vector<WeightedPosture> others;
             for (std::size_t k = 0; k < frames_[n].candidates.size(); ++k)
                 others.push_back({frames_[n].candidates[k].posture, choices_[n].probability[k]});
             EstimateOptions estimate = options_.estimate;
             if (is_at_end(n)) estimate.gross_log_odds += kEndLogOdds;
-            judge_posture(model_, *path_[n], data, recorded_[n].seen->views, cost.terms(), cost.capsules(),
-                          others, cameras, estimate, *pose);
+            judge_posture(model_, *path_[n], data, views_of(n), cost.terms(), cost.capsules(), others,
+                          cameras, estimate, *pose);
             withhold_legs(missing[n], *pose);
             describe_posture(model_, *path_[n], *pose);
             result[n] = {*path_[n], std::move(pose), choices_[n].probability[choices_[n].candidate]};
@@ -290,6 +290,7 @@ class Recording {
             if (choices_[n].candidate >= 0 && !stop_.stop_requested()) f(n);
         });
     }
+    const std::vector<SilhouetteRays>& views_of(std::size_t n) const { return recorded_[n].seen->views; }
     // Whether few frame sets before or after this one confirm the posture.
     bool is_at_end(std::size_t n) const {
         for (std::size_t k = 1; k <= kEndFrames; ++k)
@@ -300,21 +301,20 @@ class Recording {
         constexpr int kSteps = 4;
         each([&](std::size_t n) {
             PoseCost cost(options_.tracker.fit.cost);
-            kinevox::turn_feet(model_, recorded_[n].seen->views, options_.tracker.fit.narrow_m, kSteps, cost,
-                               *path_[n]);
+            kinevox::turn_feet(model_, views_of(n), options_.tracker.fit.narrow_m, kSteps, cost, *path_[n]);
         });
     }
     std::vector<LegFlags> find_missing_legs() const {
         std::vector<std::optional<LegSight>> sights(frames_.size());
         std::vector<double> time_s(frames_.size());
-        each([&](std::size_t n) { sights[n] = see_legs(model_, *path_[n], recorded_[n].seen->views); });
+        each([&](std::size_t n) { sights[n] = see_legs(model_, *path_[n], views_of(n)); });
         for (std::size_t n = 0; n < frames_.size(); ++n) time_s[n] = frames_[n].time_s;
         return missing_legs(sights, time_s);
     }
     // The postures of the neighbours on the path, and its own with left and right exchanged and with a
     // forearm turned towards or away from a camera: silhouettes alone hardly show which. Only those that have
     // changed since the last search.
-    std::vector<BodyPosture> starts_around(std::size_t n, PoseFitter& fitter) const {
+    std::vector<BodyPosture> starts_around(std::size_t n, double wide_cost, PoseFitter& fitter) const {
         std::vector<BodyPosture> starts;
         const bool before = chosen(n - 1), after = chosen(n + 1);
         const bool new_before = before && has_changed(n - 1), new_after = after && has_changed(n + 1);
@@ -323,8 +323,11 @@ class Recording {
         if (before && after && (new_before || new_after))
             starts.push_back(between(*chosen(n - 1), *chosen(n + 1), fraction(n)));
         if (!has_changed(n)) return starts;
-        starts.push_back(exchanged(*chosen(n), kLegSegments));
-        starts.push_back(exchanged(*chosen(n), kArmSegments));
+        for (const LimbSegmentPairs& limbs : {kLegSegments, kArmSegments}) {
+            const BodyPosture start = exchanged(*chosen(n), limbs);
+            if (fitter.cost_of(model_, views_of(n), start) <= max_exchanged_cost(wide_cost))
+                starts.push_back(start);
+        }
         if (shows_others(n)) return starts;  // whose silhouettes explain a forearm anywhere
         for (const int forearm : {kForearmL, kForearmR})
             for (const BodyPosture& start : with_turned_forearm(n, forearm, fitter)) starts.push_back(start);
@@ -357,7 +360,7 @@ class Recording {
     }
     // The posture on the path with a forearm turned towards or away from a camera, those that match best.
     std::vector<BodyPosture> with_turned_forearm(std::size_t n, int forearm, PoseFitter& fitter) const {
-        const std::vector<SilhouetteRays>& views = recorded_[n].seen->views;
+        const std::vector<SilhouetteRays>& views = views_of(n);
         std::vector<std::pair<double, BodyPosture>> starts;
         const std::size_t stride = (views.size() + kTurnViews - 1) / kTurnViews;
         for (std::size_t c = 0; c < views.size(); c += stride) {
@@ -378,7 +381,7 @@ class Recording {
         return &frames_[n].candidates[choices_[n].candidate].posture;
     }
     bool has_changed(std::size_t n) const { return searched_[n] != *chosen(n); }
-    bool shows_others(std::size_t n) const { return kinevox::shows_others(recorded_[n].seen->views); }
+    bool shows_others(std::size_t n) const { return kinevox::shows_others(views_of(n)); }
     double chosen_cost(std::size_t n) const { return frames_[n].candidates[choices_[n].candidate].cost; }
     double median_cost() const {
         std::vector<double> costs;
@@ -401,7 +404,7 @@ class Recording {
             const double ahead_s = std::abs(frames_[n].time_s - frames_[n - step].time_s);
             const MotionPrior prior = motion_prior(between(a, b, 1 + ahead_s / passed_s),
                                                    0.5 * ahead_s * (passed_s + ahead_s), options_.tracker);
-            const PoseFit fit = fitter.fit(model_, recorded_[n].seen->views, prior.expected, &prior, false);
+            const PoseFit fit = fitter.fit(model_, views_of(n), prior.expected, &prior, false);
             fits.push_back(candidate(n, fit.posture, cost));
             a = std::exchange(b, fit.posture);
         }
@@ -417,12 +420,12 @@ class Recording {
     }
     PathCandidate without_colours(std::size_t n, const BodyPosture& posture, PoseCost& cost) const {
         Linearisation at;
-        cost.linearise(model_, posture, recorded_[n].seen->views, nullptr, options_.tracker.fit.narrow_m, at);
+        cost.linearise(model_, posture, views_of(n), nullptr, options_.tracker.fit.narrow_m, at);
         return {posture, at.cost, cost.posed().joints_in_world};
     }
     PathCandidate candidate(std::size_t n, const BodyPosture& posture, PoseCost& cost) const {
         PathCandidate c = without_colours(n, posture, cost);
-        c.colour_cost = colours_.cost(recorded_[n].seen->views, cost.capsules());
+        c.colour_cost = colours_.cost(views_of(n), cost.capsules());
         return c;
     }
     // Replaces a dearer candidate with the same joints; false if there is none with the same joints.

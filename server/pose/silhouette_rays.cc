@@ -204,29 +204,49 @@ std::optional<double> SilhouetteRays::inside_m(Vec3 in_world) const {
 }
 
 void PixelList::assign(std::span<const Vec2> points) {
-    size_ = points.size();
+    std::vector<Vec2> sorted(points.begin(), points.end());
+    std::ranges::stable_sort(sorted, {}, &Vec2::y);
+    size_ = sorted.size();
     const std::size_t whole = (size_ + kLanes - 1) / kLanes * kLanes;
     x_.assign(whole, std::numeric_limits<float>::infinity());
-    y_.assign(whole, 0);
+    y_.assign(whole, sorted.empty() ? 0 : static_cast<float>(sorted.back().y));
     for (std::size_t n = 0; n < size_; ++n)
-        x_[n] = static_cast<float>(points[n].x), y_[n] = static_cast<float>(points[n].y);
+        x_[n] = static_cast<float>(sorted[n].x), y_[n] = static_cast<float>(sorted[n].y);
 }
 
-float PixelList::squared_distance(Vec2 pixel) const {
+// From the pixel's row on upwards and downwards, until the rows alone are too far.
+float PixelList::squared_distance(Vec2 pixel, float limit) const {
     const float px = static_cast<float>(pixel.x), py = static_cast<float>(pixel.y);
-    std::array<float, kLanes> nearest;
-    nearest.fill(std::numeric_limits<float>::infinity());
-    for (std::size_t first = 0; first < x_.size(); first += kLanes)
+    float best = limit;
+    const auto look_at = [&](std::size_t first) {
+        std::array<float, kLanes> square;
         for (std::size_t k = 0; k < kLanes; ++k) {
-            const float dx = x_[first + k] - px, dy = y_[first + k] - py, square = dx * dx + dy * dy;
-            nearest[k] = square < nearest[k] ? square : nearest[k];
+            const float dx = x_[first + k] - px, dy = y_[first + k] - py;
+            square[k] = dx * dx + dy * dy;
         }
-    return *std::ranges::min_element(nearest);
+        for (const float s : square) best = s < best ? s : best;
+    };
+    const auto start =
+        static_cast<std::size_t>(std::ranges::lower_bound(y_, py) - y_.begin()) / kLanes * kLanes;
+    for (std::size_t first = start; first < y_.size(); first += kLanes) {
+        const float below = y_[first] - py;
+        if (below > 0 && below * below >= best) break;
+        look_at(first);
+    }
+    for (std::size_t end = start; end > 0; end -= kLanes) {
+        const float above = py - y_[end - 1];
+        if (above * above >= best) break;
+        look_at(end - kLanes);
+    }
+    return best;
 }
 
 bool SilhouetteRays::is_nearest_to_border_without_contrast(Vec2 pixel) const {
-    return border_without_contrast.size() > 0 &&  // else both may be infinite
-           border_without_contrast.squared_distance(pixel) <= border.squared_distance(pixel);
+    if (border_without_contrast.size() == 0) return false;
+    const float with_contrast = border.squared_distance(pixel);
+    // A tie is without contrast.
+    const float limit = std::nextafter(with_contrast, std::numeric_limits<float>::infinity());
+    return border_without_contrast.squared_distance(pixel, limit) < limit;
 }
 
 bool shows_others(std::span<const SilhouetteRays> views) {

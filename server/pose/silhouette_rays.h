@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
@@ -51,13 +52,13 @@ class PixelList {
   public:
     void assign(std::span<const Vec2> points);
     std::size_t size() const { return size_; }
-    // To the nearest, px^2; infinite without any.
-    float squared_distance(Vec2 pixel) const;
+    // To the nearest, px^2; `limit` where none is nearer than that.
+    float squared_distance(Vec2 pixel, float limit = std::numeric_limits<float>::infinity()) const;
 
   private:
     static constexpr std::size_t kLanes = 8;  // that the compiler vectorises
     std::size_t size_ = 0;
-    std::vector<float> x_, y_;  // whole lanes, the rest infinitely far
+    std::vector<float> x_, y_;  // from top to bottom; whole lanes, the rest infinitely far to the right
 };
 
 struct SilhouetteRays {

@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <optional>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -141,6 +143,28 @@ TEST(SilhouetteRays, FindsBorderAcrossClothes) {
         EXPECT_TRUE(rays.is_nearest_to_border_without_contrast({125, 75})) << clothes;
         EXPECT_FALSE(rays.is_nearest_to_border_without_contrast({55, 75})) << clothes;
     }
+}
+
+TEST(PixelList, FindsDistanceToNearestPointUpToLimit) {
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> within(0, 300), around(-100, 400), limit(0, 3000);
+    for (const int count : {1, 7, 8, 150}) {
+        std::vector<Vec2> points(count);
+        for (Vec2& point : points) point = {within(random), within(random)};
+        PixelList list;
+        list.assign(points);
+        for (int n = 0; n < 200; ++n) {
+            const Vec2 pixel{around(random), around(random)};
+            double nearest = 1e9;
+            for (const Vec2& point : points)
+                nearest = std::min(nearest, std::pow(point.x - pixel.x, 2) + std::pow(point.y - pixel.y, 2));
+            EXPECT_NEAR(list.squared_distance(pixel), nearest, 1e-4 * nearest + 1e-3);
+            const float max = static_cast<float>(limit(random));
+            EXPECT_NEAR(list.squared_distance(pixel, max), std::min<double>(nearest, max),
+                        1e-4 * nearest + 1e-3);
+        }
+    }
+    EXPECT_EQ(PixelList{}.squared_distance({1, 2}), std::numeric_limits<float>::infinity());
 }
 
 // rad: the left foot out, the right foot in.
