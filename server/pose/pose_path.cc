@@ -49,6 +49,16 @@ Vec3 facing(const PathCandidate& c) {
     return normalized(c.joints_in_world[kLeft] - c.joints_in_world[kRight]);
 }
 
+bool has_exchanged_ankles(const JointPositions& a, const JointPositions& b) {
+    constexpr std::size_t kLeft = *joint_index("ankle_l"), kRight = *joint_index("ankle_r");
+    constexpr double kMinApart_m = 0.2;
+    const auto is_nearer_to_other = [&](std::size_t joint, std::size_t other) {
+        return norm(b[joint] - a[other]) < 0.5 * norm(b[joint] - a[joint]);
+    };
+    return norm(a[kLeft] - a[kRight]) > kMinApart_m && is_nearer_to_other(kLeft, kRight) &&
+           is_nearer_to_other(kRight, kLeft);
+}
+
 class Run {
   public:
     explicit Run(std::span<const PathFrame> frames) : frames_(frames), acceleration_(accelerations()) {
@@ -233,6 +243,26 @@ bool is_worse(const PathCandidate& candidate, std::span<const PathCandidate> kno
     return std::ranges::any_of(known, [&](const PathCandidate& other) {
         return other.cost <= candidate.cost && same_joints(other, candidate);
     });
+}
+
+std::vector<double> exchanged_legs_probability(std::span<const PathFrame> frames,
+                                               std::span<const PathChoice> choices) {
+    constexpr double kExchangedTemperature = 20;  // cost of a frame set per unit of log probability
+    std::vector<double> own(frames.size(), 0);
+    for (std::size_t n = 0; n < frames.size(); ++n) {
+        if (choices[n].candidate < 0) continue;
+        const PathCandidate& chosen = frames[n].candidates[choices[n].candidate];
+        for (const PathCandidate& other : frames[n].candidates)
+            if (has_exchanged_ankles(chosen.joints_in_world, other.joints_in_world))
+                own[n] = std::max(own[n], 1 / (1 + std::exp(std::max(0.0, other.total() - chosen.total()) /
+                                                            kExchangedTemperature)));
+    }
+    std::vector<double> around = own;
+    for (std::size_t n = 0; n < frames.size(); ++n)
+        for (std::size_t k = n + 1; k < frames.size() && frames[k].time_s - frames[n].time_s < kCorrelated_s;
+             ++k)
+            around[n] = std::max(around[n], own[k]), around[k] = std::max(around[k], own[n]);
+    return around;
 }
 
 std::vector<PathChoice> choose_path(std::span<const PathFrame> frames) {

@@ -40,4 +40,10 @@ struct PathChoice {
 // One choice per frame set; times increase.
 std::vector<PathChoice> choose_path(std::span<const PathFrame> frames);
 
+// For each frame set, how probable it is that the legs of the chosen posture are exchanged from one crossing
+// to the next. A path accounts for costs as if they were independent; those of such a run err alike. 0 where
+// no candidate has the legs exchanged, which is so in nearly all frame sets.
+std::vector<double> exchanged_legs_probability(std::span<const PathFrame> frames,
+                                               std::span<const PathChoice> choices);
+
 }  // namespace kinevox

@@ -44,8 +44,7 @@ constexpr std::size_t kEndFrames = 2;
 constexpr double kEndLogOdds = 2.5;
 
 constexpr std::array<double, 4> kForearmTurns{-1, -0.5, 0.5, 1};  // rad, see forearm_turned()
-constexpr std::size_t kTurnViews = 4;                             // maximum number, evenly spread
-constexpr std::size_t kTurnStarts = 4;  // that are fitted per arm and frame set, those that match best
+constexpr std::size_t kTurnViews = 4, kTurnStarts = 4;            // maxima: evenly spread; best ones
 
 bool cheaper(const PathCandidate& a, const PathCandidate& b) {
     return a.total() < b.total();
@@ -257,6 +256,7 @@ class Recording {
     std::vector<RetrackedFrame> describe(int cameras) const {
         std::vector<RetrackedFrame> result(frames_.size());
         const std::vector<LegFlags> missing = find_missing_legs();
+        const std::vector<double> exchanged_legs = exchanged_legs_probability(frames_, choices_);
         each([&](std::size_t n) {
             PoseCost cost(options_.tracker.fit.cost);
             auto pose = std::make_shared<BodyPose>();
@@ -269,6 +269,7 @@ class Recording {
             std::vector<WeightedPosture> others;
             for (std::size_t k = 0; k < frames_[n].candidates.size(); ++k)
                 others.push_back({frames_[n].candidates[k].posture, choices_[n].probability[k]});
+            others.push_back({exchanged(*path_[n], kLegSegments), exchanged_legs[n]});
             EstimateOptions estimate = options_.estimate;
             if (is_at_end(n)) estimate.gross_log_odds += kEndLogOdds;
             judge_posture(model_, *path_[n], data, views_of(n), cost.terms(), cost.capsules(), others,

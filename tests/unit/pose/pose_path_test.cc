@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <numeric>
 
 #include "common/body_pose.h"
@@ -54,6 +55,28 @@ TEST(PosePath, SharesProbabilityBetweenEqualCandidates) {
         EXPECT_NEAR(choice.probability[0], 0.5, 1e-6);
         EXPECT_NEAR(std::accumulate(choice.probability.begin(), choice.probability.end(), 0.0), 1, 1e-9);
     }
+}
+
+TEST(PosePath, DoubtsLegsThatFitExchanged) {
+    std::vector<PathFrame> seen = frames(20);
+    const auto ankles = [](PathCandidate& c, double left_m) {
+        c.joints_in_world[*joint_index("ankle_l")].y = left_m;
+        c.joints_in_world[*joint_index("ankle_r")].y = -left_m;
+    };
+    for (int n = 0; n < 20; ++n) {
+        seen[n].candidates.push_back(candidate(n, 0.3, 12));
+        for (PathCandidate& c : seen[n].candidates) ankles(c, 0.3);
+    }
+    seen[9].candidates.push_back(candidate(9, 0, 25));
+    ankles(seen[9].candidates.back(), -0.3);
+    const auto path = choose_path(seen);
+    EXPECT_LT(path[9].probability[2], 0.01) << "legs do not jump";
+    const std::vector<double> probability = exchanged_legs_probability(seen, path);
+    for (int n = 0; n < 20; ++n)
+        if (n >= 8 && n <= 10)
+            EXPECT_NEAR(probability[n], 1 / (1 + std::exp(0.75)), 0.02) << n;
+        else
+            EXPECT_EQ(probability[n], 0) << n;
 }
 
 TEST(PosePath, PrefersColoursWhereSilhouettesAllowBoth) {
