@@ -215,6 +215,7 @@ void SceneTracker::claim() {
         std::vector<Cells> parts = grid_.parts(subject.label);
         subject.seen = false;
         if (parts.empty()) continue;
+        join_halves(grid_, parts);
         // Two people that were found as one have parted: the part nearest to the expected centre stays.
         const Vec3 expected = subject.filter.centre_in_world();
         std::size_t main = 0;

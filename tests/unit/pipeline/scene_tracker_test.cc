@@ -229,6 +229,25 @@ TEST(SceneTracker, KeepsIdsWhenAnotherPersonAppearsNextToOne) {
     EXPECT_EQ(People::id_at(update, appears), 3u);
 }
 
+// A stripe of the background's colour around the waist; each half alone looks like a person.
+TEST(SceneTracker, KeepsSubjectWholeWhomAGapDivides) {
+    People people(4);
+    const Vec3 at{0.1, 0.2, 0}, far{-1.1, -0.9, 0};
+    std::vector<Ellipsoid> divided = people_at({far});
+    divided.push_back({{0.1, 0.2, 0.52}, {0.2, 0.2, 0.52}});
+    divided.push_back({{0.1, 0.2, 1.5}, {0.33, 0.33, 0.28}});
+    std::vector<Ellipsoid> whole = divided;
+    whole.push_back({{0.1, 0.2, 1.3}, {0.35, 0.35, 0.4}});
+    for (int n = 0; n < 10; ++n) people.show_bodies(whole);
+    for (int n = 0; n < 15; ++n) {
+        const SceneUpdate update = people.show_bodies(divided);
+        ASSERT_THAT(update.subjects, SizeIs(2)) << n;
+        EXPECT_EQ(People::id_at(update, at), 1u) << n;
+        EXPECT_THAT(update.bystanders, IsEmpty()) << n;
+        EXPECT_NEAR(update.subjects[0].track.centre_in_world.z, 1.05, 0.15) << n;
+    }
+}
+
 // As white images show it.
 TEST(SceneTracker, TakesNothingLargerThanPeopleForSubject) {
     People people(4);
