@@ -31,6 +31,7 @@ struct OutsideList {
     double* outside_m = nullptr;  // at the depth of the centre; 0 where the camera sees nothing, see below
     double* in_camera[3] = {};    // m, the centre
     double* slope[2] = {};        // of the distance to the border, px per px to the right and down
+    double* pixel[2] = {};        // of the centre, px
 };
 
 // The radius less the distance to the border. Nothing is known of a centre less than min_depth_m before the

@@ -32,6 +32,7 @@ void measure_outside(const PinholeView& camera, const DistanceMapView& map, cons
     const double *const xs = balls.centre[0], *const ys = balls.centre[1], *const zs = balls.centre[2];
     double *const to_x = out.in_camera[0], *const to_y = out.in_camera[1], *const to_z = out.in_camera[2];
     double *const slope_x = out.slope[0], *const slope_y = out.slope[1], *const to_outside = out.outside_m;
+    double *const pixel_x = out.pixel[0], *const pixel_y = out.pixel[1];
     const double* const radius = balls.radius;
     const double right = c.width - 0.5, bottom = c.height - 0.5, x0 = map.x0, y0 = map.y0;
     const std::int32_t stride = map.columns;
@@ -69,6 +70,7 @@ void measure_outside(const PinholeView& camera, const DistanceMapView& map, cons
             slope_x[n] = ((1 - b) * (d10 - d00) + b * (d11 - d01)) / cell;
             slope_y[n] = ((1 - a) * (d01 - d00) + a * (d11 - d10)) / cell;
             to_x[n] = x, to_y[n] = y, to_z[n] = z;
+            pixel_x[n] = px, pixel_y[n] = py;
         }
         for (int k = 0; k < size; ++k) {  // few are beyond the map
             beyond[k] = ox[k] != 0 || oy[k] != 0 ? std::hypot(ox[k], oy[k]) : 0;

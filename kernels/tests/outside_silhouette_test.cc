@@ -33,7 +33,7 @@ struct Map {
 };
 
 struct Measured {
-    std::array<std::vector<double>, 6> values;
+    std::array<std::vector<double>, 8> values;
     Measured(const PinholeView& camera, const DistanceMapView& map,
              const std::array<std::vector<double>, 4>& balls) {
         const std::size_t count = balls[0].size();
@@ -44,7 +44,8 @@ struct Measured {
             kMinDepth_m,
             {values[0].data(),
              {values[1].data(), values[2].data(), values[3].data()},
-             {values[4].data(), values[5].data()}});
+             {values[4].data(), values[5].data()},
+             {values[6].data(), values[7].data()}});
     }
 };
 
@@ -52,21 +53,23 @@ TEST(MeasureOutside, IsRadiusLessDistanceToTheBorderAtTheBallsDepth) {
     std::mt19937 random(5);
     std::uniform_real_distribution<> px(22, 138), py(12, 106), depth(0.5, 6), size(0.02, 0.2);
     std::array<std::vector<double>, 4> balls;
-    std::vector<double> pixel;
+    std::vector<double> column, row;
     for (int n = 0; n < 43; ++n) {  // no whole number of vectors
         const double x = px(random), y = py(random), z = depth(random);
-        pixel.push_back(x);
+        column.push_back(x), row.push_back(y);
         balls[0].push_back((x - 100) / kFocal_px * z), balls[1].push_back((y - 80) / kFocal_px * z);
         balls[2].push_back(z), balls[3].push_back(size(random));
     }
     const Map map(70);
     const Measured found(camera_at_origin(), map.view, balls);
     for (int n = 0; n < 43; ++n) {
-        const double expected = balls[3][n] - (pixel[n] - 70) * balls[2][n] / kFocal_px;
+        const double expected = balls[3][n] - (column[n] - 70) * balls[2][n] / kFocal_px;
         EXPECT_NEAR(found.values[0][n], expected, 1e-6) << n;
         EXPECT_NEAR(found.values[3][n], balls[2][n], 1e-12) << n;
         EXPECT_NEAR(found.values[4][n], 1, 1e-6) << n;
         EXPECT_NEAR(found.values[5][n], 0, 1e-6) << n;
+        EXPECT_NEAR(found.values[6][n], column[n], 1e-9) << n;
+        EXPECT_NEAR(found.values[7][n], row[n], 1e-9) << n;
     }
 }
 

@@ -42,7 +42,8 @@ void CapsuleBalls::measure(const SilhouetteRays& view) {
                              kMinSeenDepth_m,
                              {measured_[0].data(),
                               {measured_[1].data(), measured_[2].data(), measured_[3].data()},
-                              {measured_[4].data(), measured_[5].data()}});
+                              {measured_[4].data(), measured_[5].data()},
+                              {measured_[6].data(), measured_[7].data()}});
 }
 
 }  // namespace kinevox

@@ -28,6 +28,7 @@ class CapsuleBalls {
     Vec3 in_camera(std::size_t ball) const { return at(measured_, 1, ball); }
     // Of the distance to the border, px per px to the right and down.
     Vec2 slope(std::size_t ball) const { return {measured_[4][ball], measured_[5][ball]}; }
+    Vec2 pixel(std::size_t ball) const { return {measured_[6][ball], measured_[7][ball]}; }
 
   private:
     template <typename Arrays>
@@ -36,7 +37,7 @@ class CapsuleBalls {
     }
 
     std::array<std::vector<double>, 4> placed_;    // x, y, z and radius, m
-    std::array<std::vector<double>, 6> measured_;  // see kernels::OutsideList
+    std::array<std::vector<double>, 8> measured_;  // see kernels::OutsideList
 };
 
 }  // namespace kinevox

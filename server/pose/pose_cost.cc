@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
 
 #include "common/geometry.h"
 
@@ -207,11 +206,10 @@ bool PoseCost::lacks_contrast(const SilhouetteRays& view, std::size_t ball, doub
     const Vec2 slope = balls_.slope(ball);
     const double length = std::hypot(slope.x, slope.y);
     if (!(length > 0)) return false;
-    const std::optional<Vec2> centre = view.camera->project(balls_.in_world(ball));
-    if (!centre) return false;
+    const Vec2 centre = balls_.pixel(ball);
     const double inside_px = (balls_.radius_m(ball) - balls_.outside_m(ball)) / m_per_px;
     return view.is_nearest_to_border_without_contrast(
-        {centre->x - inside_px * slope.x / length, centre->y - inside_px * slope.y / length});
+        {centre.x - inside_px * slope.x / length, centre.y - inside_px * slope.y / length});
 }
 
 void PoseCost::inside_terms(int camera, const SilhouetteRays& view, double robust_m) {
