@@ -34,9 +34,9 @@ MotionPrior motion_prior(const BodyPosture& expected, double time2, const PoseTr
 // No joint is farther from a known posture after approach(): the fit would end in that one.
 inline constexpr double kKnownJoints_m = 0.02;
 
-// Limits of the cost with the wide kernel, beyond which another start is given up: of exchanged limbs, and of
-// any start after approach(). `known`: that of the known posture. In three sequences, of the starts that
-// became the better fit none had more than 2.3 and 1.3 times the known one.
+// In a recording, limits of the cost with the wide kernel beyond which another start is given up: of
+// exchanged limbs, and of any start after approach(). `known`: that of the known posture. In three sequences,
+// of the starts that became the better fit none had more than 2.3 and 1.3 times the known one.
 inline double max_exchanged_cost(double known) {
     return 500 + 2.5 * known;
 }

@@ -343,7 +343,9 @@ bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
                                                       exchanged(h.fit.posture, kLegSegments)};
     const JointPositions known = model_->forward(h.fit.posture).joints_in_world;
     std::array<std::optional<PoseFit>, kStartCount> found;
-    const double wide_cost = workspaces_.front().fitter.cost_of(*model_, views, h.fit.posture);
+    // Live, nothing later corrects a start that was given up: in one of eight captures legs stayed exchanged.
+    const double known_cost = is_live() ? std::numeric_limits<double>::infinity()
+                                        : workspaces_.front().fitter.cost_of(*model_, views, h.fit.posture);
     double cost = 0;
     in_parallel(kStartCount + 1, [&](Workspace& work, std::size_t k) {
         PoseFitter& fitter = work.fitter;
@@ -352,10 +354,10 @@ bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
             return;
         }
         if (k > 0 &&
-            (beside_others || fitter.cost_of(*model_, views, starts[k]) > max_exchanged_cost(wide_cost)))
+            (beside_others || fitter.cost_of(*model_, views, starts[k]) > max_exchanged_cost(known_cost)))
             return;
         const PoseFit near = fitter.approach(*model_, views, starts[k], nullptr);
-        if (near.at.cost <= max_approached_cost(wide_cost) &&
+        if (near.at.cost <= max_approached_cost(known_cost) &&
             max_joint_distance(model_->forward(near.posture).joints_in_world, known) >= kKnownJoints_m)
             found[k] = fitter.fit(*model_, views, near.posture, nullptr, false);
     });

@@ -122,10 +122,10 @@ class Recording {
         each([&](std::size_t n) {
             PoseFitter fitter(options_.tracker.fit);
             PoseCost cost(options_.tracker.fit.cost);
-            const double wide_cost = fitter.cost_of(model_, views_of(n), *chosen(n));
-            for (const BodyPosture& start : starts_around(n, wide_cost, fitter)) {
+            const double known_cost = fitter.cost_of(model_, views_of(n), *chosen(n));
+            for (const BodyPosture& start : starts_around(n, known_cost, fitter)) {
                 const PoseFit near = fitter.approach(model_, views_of(n), start, nullptr);
-                if (near.at.cost > max_approached_cost(wide_cost)) continue;
+                if (near.at.cost > max_approached_cost(known_cost)) continue;
                 const JointPositions joints = model_.forward(near.posture).joints_in_world;
                 if (is_known(joints, frames_[n].candidates) || is_known(joints, found[n])) continue;
                 const PoseFit fit = fitter.fit(model_, views_of(n), near.posture, nullptr, false);
@@ -315,7 +315,7 @@ class Recording {
     // The postures of the neighbours on the path, and its own with left and right exchanged and with a
     // forearm turned towards or away from a camera: silhouettes alone hardly show which. Only those that have
     // changed since the last search.
-    std::vector<BodyPosture> starts_around(std::size_t n, double wide_cost, PoseFitter& fitter) const {
+    std::vector<BodyPosture> starts_around(std::size_t n, double known_cost, PoseFitter& fitter) const {
         std::vector<BodyPosture> starts;
         const bool before = chosen(n - 1), after = chosen(n + 1);
         const bool new_before = before && has_changed(n - 1), new_after = after && has_changed(n + 1);
@@ -326,7 +326,7 @@ class Recording {
         if (!has_changed(n)) return starts;
         for (const LimbSegmentPairs& limbs : {kLegSegments, kArmSegments}) {
             const BodyPosture start = exchanged(*chosen(n), limbs);
-            if (fitter.cost_of(model_, views_of(n), start) <= max_exchanged_cost(wide_cost))
+            if (fitter.cost_of(model_, views_of(n), start) <= max_exchanged_cost(known_cost))
                 starts.push_back(start);
         }
         if (shows_others(n)) return starts;  // whose silhouettes explain a forearm anywhere
