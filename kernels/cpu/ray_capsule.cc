@@ -1,7 +1,6 @@
 #include "kernels/ray_capsule.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -140,23 +139,18 @@ void nearest_capsules(const RayBundle& rays, std::span<const TaperedCapsule> cap
     for (int first = 0; first < rays.count; first += kBlock) {
         const int size = std::min(kBlock, rays.count - first);
         const auto load = [&](const float* from, float* to) {
-            if (size == kBlock)  // of a known size it is one instruction
+            if (size == kBlock) {  // of a known size it is one instruction
                 std::memcpy(to, from + first, sizeof(float) * kBlock);
-            else
-                std::memcpy(to, from + first, sizeof(float) * static_cast<std::size_t>(size));
+                return;
+            }
+            std::memcpy(to, from + first, sizeof(float) * static_cast<std::size_t>(size));
+            std::fill(to + size, to + kBlock, to[size - 1]);
         };
         load(rays.direction[0], block.dx), load(rays.direction[1], block.dy),
             load(rays.direction[2], block.dz);
         load(rays.outward[0], block.nx), load(rays.outward[1], block.ny), load(rays.outward[2], block.nz);
-        for (int i = size; i < kBlock; ++i)  // as the last one
-            block.dx[i] = block.dx[size - 1], block.dy[i] = block.dy[size - 1],
-            block.dz[i] = block.dz[size - 1], block.nx[i] = block.nx[size - 1],
-            block.ny[i] = block.ny[size - 1], block.nz[i] = block.nz[size - 1];
         std::fill_n(block.best, kBlock, kWrongSide_m);
-        if (known) {
-            load(distance_m, block.best);
-            for (int i = size; i < kBlock; ++i) block.best[i] = block.best[size - 1];
-        }
+        if (known) load(distance_m, block.best);
         std::fill_n(block.which, kBlock, -1);
         for (int n = 0; n < likely_count; ++n)
             if (const int k = likely[n]; is_nearest(block, seen[k])) meet(block, seen[k], k);

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <numeric>
 #include <span>
@@ -344,8 +343,8 @@ bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
     const JointPositions known = model_->forward(h.fit.posture).joints_in_world;
     std::array<std::optional<PoseFit>, kStartCount> found;
     // Live, nothing later corrects a start that was given up: in one of eight captures legs stayed exchanged.
-    const double known_cost = is_live() ? std::numeric_limits<double>::infinity()
-                                        : workspaces_.front().fitter.cost_of(*model_, views, h.fit.posture);
+    std::optional<double> known_cost;
+    if (!is_live()) known_cost = workspaces_.front().fitter.cost_of(*model_, views, h.fit.posture);
     double cost = 0;
     in_parallel(kStartCount + 1, [&](Workspace& work, std::size_t k) {
         PoseFitter& fitter = work.fitter;
@@ -353,12 +352,13 @@ bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
             cost = free_fit(work, h, views, h.fit.posture).total();
             return;
         }
-        if (k > 0 &&
-            (beside_others || fitter.cost_of(*model_, views, starts[k]) > max_exchanged_cost(known_cost)))
+        if (beside_others && k > 0) return;
+        if (known_cost && k > 0 &&
+            fitter.cost_of(*model_, views, starts[k]) > max_exchanged_cost(*known_cost))
             return;
         const PoseFit near = fitter.approach(*model_, views, starts[k], nullptr);
-        if (near.at.cost <= max_approached_cost(known_cost) &&
-            max_joint_distance(model_->forward(near.posture).joints_in_world, known) >= kKnownJoints_m)
+        if (known_cost && near.at.cost > max_approached_cost(*known_cost)) return;
+        if (max_joint_distance(model_->forward(near.posture).joints_in_world, known) >= kKnownJoints_m)
             found[k] = fitter.fit(*model_, views, near.posture, nullptr, false);
     });
     bool is_exchanged = false;

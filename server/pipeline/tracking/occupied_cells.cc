@@ -337,6 +337,7 @@ class TrunkMap {
 }  // namespace
 
 void join_halves(const OccupiedCells& grid, std::vector<Cells>& parts) {
+    if (parts.size() < 2) return;
     std::vector<CellStatistics> bodies;
     for (const Cells& part : parts) bodies.push_back(grid.statistics(part));
     const auto stands = [&](std::size_t k) { return bodies[k].min_in_world.z <= kMaxUprightBottom_m; };
