@@ -30,8 +30,8 @@ constexpr double kPoor = 1.4;  // a path's cost that suggests a lost body, in me
 // Of a path beside other people, whose silhouettes explain a limb anywhere: cost relative to the path so far.
 constexpr double kMuchBetter = 0.7;
 
-constexpr double kSameLimb_m = 0.08;    // limbs with no joint of joints_of() farther apart are one
-constexpr double kLimbGain = 10;        // minimum decrease of the path's cost per frame set by another limb
+constexpr double kSameLimb_m = 0.08;  // limbs with no joint of joints_of() farther apart are one
+constexpr double kLimbGain = 10, kArmGainAmongOthers = 30;  // min. decrease of the path's cost per frame set
 constexpr std::size_t kLimbStarts = 3;  // other limbs that are fitted per frame set, those that match best
 
 constexpr std::array<double, 3> kPathArmMoves_rad{0.6, 0.3, 0.15};  // of move_arms(), as are the next lines
@@ -146,7 +146,7 @@ class Recording {
     void move_arms() {
         std::vector<std::vector<PathCandidate>> found(frames_.size());
         each([&](std::size_t n) {
-            if (shows_others(n)) return;
+            const double min_gain = shows_others(n) ? kArmGainAmongOthers : kLimbGain;
             PoseCost cost(options_.tracker.fit.cost);
             LimbSearch limbs;
             std::vector<BodyPosture> starts{*chosen(n)};
@@ -160,7 +160,7 @@ class Recording {
                     ArmSearch search(model_, moved, arm, views_of(n), colours_, options_.tracker.fit);
                     search.improve(kPathArmMoves_rad, kMaxArmMoves);
                     search.improve_anywhere(limbs, kPathArmMoves_rad, kMaxArmMoves, kPathArmStarts);
-                    if (search.gain() >= kLimbGain) moved = search.best().posture;
+                    if (search.gain() >= min_gain) moved = search.best().posture;
                 }
                 if (moved != start) found[n].push_back(candidate(n, moved, cost));
             }
