@@ -65,10 +65,10 @@ double model_std_m(std::string_view joint) {
         std::string_view name;
         double std_m;
     };
-    constexpr Entry kEntries[] = {{"root", 0.003},     {"sacroiliac", 0.005}, {"skullbase", 0.0055},
-                                  {"head_top", 0.012}, {"shoulder", 0.0085},  {"elbow", 0.009},
-                                  {"wrist", 0.0065},   {"hand", 0.007},       {"hip", 0.008},
-                                  {"knee", 0.006},     {"ankle", 0.0045},     {"toe", 0.01}};
+    constexpr Entry kEntries[] = {{"root", 0.004},      {"sacroiliac", 0.007}, {"skullbase", 0.007},
+                                  {"head_top", 0.0075}, {"shoulder", 0.009},   {"elbow", 0.0075},
+                                  {"wrist", 0.0075},    {"hand", 0.0075},      {"hip", 0.0075},
+                                  {"knee", 0.0055},     {"ankle", 0.005},      {"toe", 0.005}};
     for (const Entry& entry : kEntries)
         if (joint.starts_with(entry.name)) return entry.std_m;
     return 0;
@@ -82,8 +82,8 @@ double of_other_body(std::string_view joint) {
 // Angles in the order of kJointAngleNames, rad: each side's knee, elbow, hip flexion and abduction, shoulder,
 // and the trunk.
 constexpr std::array<double, kJointAngleNames.size()> kModelAngleStd{
-    6.9 * kDegree, 6.9 * kDegree, 5.0 * kDegree, 5.0 * kDegree, 3.5 * kDegree, 3.5 * kDegree,
-    2.5 * kDegree, 2.5 * kDegree, 3.3 * kDegree, 3.3 * kDegree, 2.0 * kDegree};
+    2.0 * kDegree, 2.0 * kDegree, 3.5 * kDegree, 3.5 * kDegree, 4.0 * kDegree, 4.0 * kDegree,
+    1.5 * kDegree, 1.5 * kDegree, 2.8 * kDegree, 2.8 * kDegree, 1.4 * kDegree};
 // A segment's rotation against its parent, rad: that of the angle at the same joint, else (neck, ankle,
 // wrist) the far joint's position error over the segment's length.
 double model_rotation_std(int segment) {
@@ -114,18 +114,18 @@ struct Misfit {
     std::array<double, kBodySegmentCount> segment{}, touching{};
 };
 
-// Weights of the parts of a variance, by maximum likelihood over the errors of `kinevox process`: angles and
-// coordinates on the shared sequences at every, every second and every third frame set, joints also on random
-// bodies, rigs and rates of tests/accuracy/sweep.py; rates.py and sweep.py show what they achieve.
+// Weights of the parts of a variance, by maximum likelihood over the errors of `kinevox process` on the
+// shared sequences and on random bodies, rigs and rates of tests/accuracy/sweep.py, which shows what they
+// achieve as rates.py does. Errors have Student's distribution there (8 degrees of freedom), so that rare
+// large ones do not widen all; the standard deviations are 1.16 times its scale.
 constexpr double kUsualMisfit_m2 = 0.0004;  // of a well fitted body
 struct Weights {
     double data, ambiguity, doubtful_ambiguity;
 };
-constexpr Weights kOfJoints{0.46, 0.3, 2.6}, kOfAngles{0.48, 0.57, 1.23};
-// Rare large errors raise these variances of joints: of usual errors the standard deviation is this fraction.
-constexpr double kUsualError = 0.8;
-constexpr double kOfOwnMisfit = 0.27, kOfAllMisfit = 0.04, kOfParentMisfit = 0.09, kParentMisfit_m2 = 0.0009,
-                 kOfRootMisfit = 0.07;
+constexpr Weights kOfJoints{0.13, 0.3, 2.6}, kOfAngles{0.1, 0.4, 1.23};
+constexpr double kOfUndetermined = 0.7;
+constexpr double kOfOwnMisfit = 0.056, kOfAllMisfit = 0.025, kOfParentMisfit = 0.026,
+                 kParentMisfit_m2 = 0.0009, kOfRootMisfit = 0.07;
 // Beyond this the silhouettes do not determine a value, whatever their misfit (m and rad).
 constexpr double kUndetermined2 = 0.02 * 0.02;
 constexpr double kMaxResidual_m = 0.12;
@@ -197,7 +197,8 @@ Misfit misfit_of(std::span<const SilhouetteRays> views, std::span<const SurfaceT
 }
 
 double data_variance(double curvature, const Misfit& misfit, const Weights& of) {
-    return curvature * (of.data * misfit.all / kUsualMisfit_m2 + std::min(1.0, curvature / kUndetermined2));
+    return curvature * (of.data * misfit.all / kUsualMisfit_m2 +
+                        kOfUndetermined * std::min(1.0, curvature / kUndetermined2));
 }
 // Where is_among_others(), the fit may put a limb anywhere in the other subject's silhouettes.
 constexpr double kFartherAmongOthers = 2.5;
@@ -346,8 +347,7 @@ void judge_joints(const JointJacobian& jacobian, const Evidence& of, int cameras
             kOfOwnMisfit * own + kOfAllMisfit * of.misfit.all +
             kOfParentMisfit * above * above / kParentMisfit_m2;
         joint.std_m = combined_std(
-            kUsualError * kUsualError * usual + ambiguity_variance(of.others.joint_m2[j], own, kOfJoints) +
-                of.gross_m2[j],
+            usual + ambiguity_variance(of.others.joint_m2[j], own, kOfJoints) + of.gross_m2[j],
             std::hypot(model_std_m(kJointNames[j]), of_other_body(kJointNames[j]) * options.body_std_m));
         const CameraSet set = parent >= 0 ? of.support[segment] | of.support[parent] : of.support[segment];
         joint.camera_count = static_cast<int>(set.count());

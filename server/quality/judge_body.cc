@@ -18,7 +18,7 @@ constexpr double kExplainedIou = 0.88;  // of a posed body whose raised arms exp
 constexpr double kMaxStatureDifference = 0.045;  // of a given body against the fitted one
 constexpr double kCautionIou = 0.75, kBadIou = 0.55, kCautionHullIou = 0.9;
 constexpr double kCautionWithheld = 0.15;
-constexpr double kMaxStd_m = 0.023;         // stated standard deviation of a pose that is determined
+constexpr double kMaxStd_m = 0.018;         // stated standard deviation of a pose that is determined
 constexpr double kMinGap_m = 0.3;           // from the floor to the lowest point of an incomplete body
 constexpr double kMaxShownFraction = 0.85;  // of the stature
 
