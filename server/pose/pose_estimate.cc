@@ -65,10 +65,10 @@ double model_std_m(std::string_view joint) {
         std::string_view name;
         double std_m;
     };
-    constexpr Entry kEntries[] = {{"root", 0.004},      {"sacroiliac", 0.007}, {"skullbase", 0.007},
-                                  {"head_top", 0.0075}, {"shoulder", 0.009},   {"elbow", 0.0075},
-                                  {"wrist", 0.0075},    {"hand", 0.0075},      {"hip", 0.0075},
-                                  {"knee", 0.0055},     {"ankle", 0.005},      {"toe", 0.005}};
+    constexpr Entry kEntries[] = {{"root", 0.004},     {"sacroiliac", 0.007}, {"skullbase", 0.007},
+                                  {"head_top", 0.005}, {"shoulder", 0.009},   {"elbow", 0.0075},
+                                  {"wrist", 0.0075},   {"hand", 0.0075},      {"hip", 0.0075},
+                                  {"knee", 0.0055},    {"ankle", 0.005},      {"toe", 0.005}};
     for (const Entry& entry : kEntries)
         if (joint.starts_with(entry.name)) return entry.std_m;
     return 0;
@@ -126,6 +126,7 @@ constexpr Weights kOfJoints{0.13, 0.3, 2.6}, kOfAngles{0.1, 0.4, 1.23};
 constexpr double kOfUndetermined = 0.7;
 constexpr double kOfOwnMisfit = 0.056, kOfAllMisfit = 0.025, kOfParentMisfit = 0.026,
                  kParentMisfit_m2 = 0.0009, kOfRootMisfit = 0.07;
+constexpr double kOfHeadTopMisfit = 0.6;  // hair turns the head and misfits it
 // Beyond this the silhouettes do not determine a value, whatever their misfit (m and rad).
 constexpr double kUndetermined2 = 0.02 * 0.02;
 constexpr double kMaxResidual_m = 0.12;
@@ -336,6 +337,7 @@ void judge_gross_errors(std::span<const SilhouetteRays> views, const PosedBody& 
 
 void judge_joints(const JointJacobian& jacobian, const Evidence& of, int cameras,
                   const EstimateOptions& options, BodyPose& out) {
+    constexpr std::size_t kHeadTop = *joint_index("head_top");
     for (std::size_t j = 0; j < kJointNames.size(); ++j) {
         const int segment = kJointSegment[j];
         const auto rows = jacobian.middleRows<3>(3 * static_cast<int>(j));
@@ -344,7 +346,7 @@ void judge_joints(const JointJacobian& jacobian, const Evidence& of, int cameras
         const double own = of.misfit.segment[segment], above = of.misfit.segment[std::max(parent, 0)];
         const double usual =
             data_variance((rows * of.covariance * rows.transpose()).trace() / 3, of.misfit, kOfJoints) +
-            kOfOwnMisfit * own + kOfAllMisfit * of.misfit.all +
+            (j == kHeadTop ? kOfHeadTopMisfit : kOfOwnMisfit) * own + kOfAllMisfit * of.misfit.all +
             kOfParentMisfit * above * above / kParentMisfit_m2;
         joint.std_m = combined_std(
             usual + ambiguity_variance(of.others.joint_m2[j], own, kOfJoints) + of.gross_m2[j],

@@ -599,6 +599,19 @@ TEST(PoseEstimate, StatesErrorOfModelWhereSilhouettesFit) {
         EXPECT_LT(pose.joints[j].std_m, 0.02) << kJointNames[j];
 }
 
+TEST(PoseEstimate, WidensTopOfHeadThatMisfits) {
+    const Scene scene;
+    BodyCoordinates bent = scene.standing();
+    bent[kDofSkullbase] -= radians(30);
+    const BodyPose right = judged(scene, posture_from_coordinates(scene.standing()), {}),
+                   wrong = judged(scene, posture_from_coordinates(bent), {});
+    const auto wider = [&](const char* joint) {
+        return wrong.joints[*joint_index(joint)].std_m / right.joints[*joint_index(joint)].std_m;
+    };
+    EXPECT_GT(wider("head_top"), 1.5);
+    EXPECT_LT(wider("skullbase"), 1.3);
+}
+
 TEST(PoseStage, StatesLargerDeviationsUntilTheBodyIsKnown) {
     const Scene scene;
     const PoseObservation seen{0, {0, 0, 0.95}, scene.see(scene.standing())};
