@@ -123,12 +123,11 @@ struct Weights {
     double data, ambiguity, doubtful_ambiguity;
 };
 constexpr Weights kOfJoints{0.13, 0.3, 2.6}, kOfAngles{0.1, 0.4, 1.23};
-constexpr double kOfUndetermined = 0.7;
 constexpr double kOfOwnMisfit = 0.056, kOfAllMisfit = 0.025, kOfParentMisfit = 0.026,
                  kParentMisfit_m2 = 0.0009, kOfRootMisfit = 0.07;
 constexpr double kOfHeadTopMisfit = 0.6;  // hair turns the head and misfits it
 // Beyond this the silhouettes do not determine a value, whatever their misfit (m and rad).
-constexpr double kUndetermined2 = 0.02 * 0.02;
+constexpr double kUndetermined2 = 0.02 * 0.02, kOfUndetermined = 0.7;
 constexpr double kMaxResidual_m = 0.12;
 constexpr double kLimb_m = 0.3;    // typical length, over which an error of a joint turns an angle
 constexpr double kSharedRays = 8;  // a segment with few rays of its own misfits as the whole body does
