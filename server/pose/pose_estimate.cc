@@ -58,27 +58,45 @@ std::array<CameraSet, kBodySegmentCount> supporting_cameras(std::span<const Surf
     return sets;
 }
 
-// Error of the body model that the silhouettes do not show: joint centres inside a body of capsules. Joints,
-// m, per axis, left and right alike.
-double model_std_m(std::string_view joint) {
-    struct Entry {
-        std::string_view name;
-        double std_m;
-    };
-    constexpr Entry kEntries[] = {{"root", 0.004},     {"sacroiliac", 0.007}, {"skullbase", 0.007},
-                                  {"head_top", 0.005}, {"shoulder", 0.009},   {"elbow", 0.0075},
-                                  {"wrist", 0.0075},   {"hand", 0.0075},      {"hip", 0.0075},
-                                  {"knee", 0.0055},    {"ankle", 0.005},      {"toe", 0.005}};
-    for (const Entry& entry : kEntries)
-        if (joint.starts_with(entry.name)) return entry.std_m;
-    return 0;
-}
-// Error of a joint by a body that is not the subject's, relative to EstimateOptions::body_std_m: too tall a
-// body bends its neck to stay within the silhouettes, and its hips are too high.
-double of_other_body(std::string_view joint) {
-    if (joint == "head_top") return 2.4;
-    return joint == "skullbase" || joint.starts_with("hip") ? 1.4 : 1;
-}
+// What the errors of a joint depend on, left and right alike.
+struct JointError {
+    std::string_view joint;
+    // Of the body model, which the silhouettes do not show: joint centres inside a body of capsules. Per
+    // axis.
+    double model_std_m;
+    // A gross error: the limb is somewhere else than the fit has put it. Its odds fall with the rays that
+    // touch the segment alone and grow with the misfit of the others (per 20 mm). Logistic regression within
+    // the maximum likelihood of Weights; standard deviation per axis.
+    double gross_log_odds, gross_std_m;
+    // By a body that is not the subject's, relative to EstimateOptions::body_std_m: too tall a body bends its
+    // neck to stay within the silhouettes, and its hips are too high.
+    double of_other_body = 1;
+    double of_own_misfit = 0.056;  // weight of the segment's misfit; hair turns the head and misfits it
+};
+// Ankles without gross errors: feet of a real person, bare or in shoes, are unlike the model's and touch few
+// rays at their right place, too.
+constexpr JointError kJointErrors[] = {{"root", 0.004, 4.7, 0.057},
+                                       {"sacroiliac", 0.007, -0.8, 0.06},
+                                       {"skullbase", 0.007, -1.7, 0.06, 1.4},
+                                       {"head_top", 0.005, -1.4, 0.07, 2.4, 0.6},
+                                       {"shoulder", 0.009, 2.6, 0.06},
+                                       {"elbow", 0.0075, -0.9, 0.11},
+                                       {"wrist", 0.0075, -1.1, 0.15},
+                                       {"hand", 0.0075, -0.3, 0.2},
+                                       {"hip", 0.0075, -6.0, 0.06, 1.4},
+                                       {"knee", 0.0055, 4.6, 0.16},
+                                       {"ankle", 0.005, 0, 0},
+                                       {"toe", 0.005, 4.2, 0.07}};
+constexpr double kOfTouching = -4.9, kOfMisfit = 0.33, kOddsScale_m = 0.02;
+// In the order of kJointNames.
+constexpr std::array<JointError, kJointNames.size()> kErrorOfJoint = [] {
+    std::array<JointError, kJointNames.size()> errors{};
+    for (std::size_t j = 0; j < errors.size(); ++j)
+        errors[j] = *std::ranges::find_if(
+            kJointErrors, [&](const JointError& e) { return kJointNames[j].starts_with(e.joint); });
+    return errors;
+}();
+
 // Angles in the order of kJointAngleNames, rad: each side's knee, elbow, hip flexion and abduction, shoulder,
 // and the trunk.
 constexpr std::array<double, kJointAngleNames.size()> kModelAngleStd{
@@ -123,9 +141,8 @@ struct Weights {
     double data, ambiguity, doubtful_ambiguity;
 };
 constexpr Weights kOfJoints{0.13, 0.3, 2.6}, kOfAngles{0.1, 0.4, 1.23};
-constexpr double kOfOwnMisfit = 0.056, kOfAllMisfit = 0.025, kOfParentMisfit = 0.026,
-                 kParentMisfit_m2 = 0.0009, kOfRootMisfit = 0.07;
-constexpr double kOfHeadTopMisfit = 0.6;  // hair turns the head and misfits it
+constexpr double kOfAllMisfit = 0.025, kOfParentMisfit = 0.026, kParentMisfit_m2 = 0.0009,
+                 kOfRootMisfit = 0.07;
 // Beyond this the silhouettes do not determine a value, whatever their misfit (m and rad).
 constexpr double kUndetermined2 = 0.02 * 0.02, kOfUndetermined = 0.7;
 constexpr double kMaxResidual_m = 0.12;
@@ -135,21 +152,6 @@ constexpr double kSharedRays = 8;  // a segment with few rays of its own misfits
 constexpr double kWithoutContrast_m = 0.05;
 constexpr double kRays = 160;  // to which touching rays are scaled
 constexpr double kMaxTouching_m = 0.015, kMaxElsewhere_m = 0.03;
-
-// A gross error: the limb is somewhere else than the fit has put it. Its odds fall with the rays that touch
-// the segment alone and grow with the misfit of the others (per 20 mm). Log odds and standard deviation per
-// axis of each joint, left and right alike; logistic regression within the same maximum likelihood.
-struct GrossError {
-    std::string_view joint;
-    double log_odds, std_m;
-};
-// Without ankles: feet of a real person, bare or in shoes, are unlike the model's and touch few rays at their
-// right place, too.
-constexpr GrossError kGrossErrors[] = {
-    {"root", 4.7, 0.057},    {"sacroiliac", -0.8, 0.06}, {"skullbase", -1.7, 0.06}, {"head_top", -1.4, 0.07},
-    {"shoulder", 2.6, 0.06}, {"elbow", -0.9, 0.11},      {"wrist", -1.1, 0.15},     {"hand", -0.3, 0.2},
-    {"hip", -6.0, 0.06},     {"knee", 4.6, 0.16},        {"toe", 4.2, 0.07}};
-constexpr double kOfTouching = -4.9, kOfMisfit = 0.33, kOddsScale_m = 0.02;
 
 // Whether another part of the body, not joined to the term's segment, may have caused the ray.
 bool explained_elsewhere(const ContourRays& rays, const SurfaceTerm& term,
@@ -206,15 +208,12 @@ constexpr double kFartherAmongOthers = 2.5;
 // m^2, of a joint's gross error.
 double gross_variance(std::size_t joint, const Misfit& misfit, bool among_others, double added_log_odds) {
     const int segment = kJointSegment[joint];
-    for (const GrossError& gross : kGrossErrors) {
-        if (!kJointNames[joint].starts_with(gross.joint)) continue;
-        const double log_odds = gross.log_odds + added_log_odds +
-                                kOfTouching * std::log1p(misfit.touching[segment]) +
-                                kOfMisfit * std::sqrt(misfit.segment[segment]) / kOddsScale_m;
-        const double std_m = gross.std_m * (among_others ? kFartherAmongOthers : 1);
-        return std_m * std_m / (1 + std::exp(-log_odds));
-    }
-    return 0;
+    const JointError& error = kErrorOfJoint[joint];
+    const double log_odds = error.gross_log_odds + added_log_odds +
+                            kOfTouching * std::log1p(misfit.touching[segment]) +
+                            kOfMisfit * std::sqrt(misfit.segment[segment]) / kOddsScale_m;
+    const double std_m = error.gross_std_m * (among_others ? kFartherAmongOthers : 1);
+    return std_m * std_m / (1 + std::exp(-log_odds));
 }
 double ambiguity_variance(double difference2, double own_misfit_m2, const Weights& of) {
     return difference2 * (of.ambiguity + of.doubtful_ambiguity * own_misfit_m2 / kUsualMisfit_m2);
@@ -336,20 +335,20 @@ void judge_gross_errors(std::span<const SilhouetteRays> views, const PosedBody& 
 
 void judge_joints(const JointJacobian& jacobian, const Evidence& of, int cameras,
                   const EstimateOptions& options, BodyPose& out) {
-    constexpr std::size_t kHeadTop = *joint_index("head_top");
     for (std::size_t j = 0; j < kJointNames.size(); ++j) {
         const int segment = kJointSegment[j];
         const auto rows = jacobian.middleRows<3>(3 * static_cast<int>(j));
+        const JointError& error = kErrorOfJoint[j];
         JointEstimate& joint = out.joints[j];
         const int parent = kBodyParent[segment];
         const double own = of.misfit.segment[segment], above = of.misfit.segment[std::max(parent, 0)];
         const double usual =
             data_variance((rows * of.covariance * rows.transpose()).trace() / 3, of.misfit, kOfJoints) +
-            (j == kHeadTop ? kOfHeadTopMisfit : kOfOwnMisfit) * own + kOfAllMisfit * of.misfit.all +
+            error.of_own_misfit * own + kOfAllMisfit * of.misfit.all +
             kOfParentMisfit * above * above / kParentMisfit_m2;
-        joint.std_m = combined_std(
-            usual + ambiguity_variance(of.others.joint_m2[j], own, kOfJoints) + of.gross_m2[j],
-            std::hypot(model_std_m(kJointNames[j]), of_other_body(kJointNames[j]) * options.body_std_m));
+        joint.std_m =
+            combined_std(usual + ambiguity_variance(of.others.joint_m2[j], own, kOfJoints) + of.gross_m2[j],
+                         std::hypot(error.model_std_m, error.of_other_body * options.body_std_m));
         const CameraSet set = parent >= 0 ? of.support[segment] | of.support[parent] : of.support[segment];
         joint.camera_count = static_cast<int>(set.count());
         joint.withheld_reason.clear();
@@ -396,7 +395,7 @@ void judge_coordinates(const BodyPosture& posture, const Evidence& of, const Est
     for (int k = 0; k < 3; ++k)
         out.coordinate_std[k] = combined_std(
             variance(k, covariance(k, k), kPelvis) + kOfRootMisfit * of.misfit.all + of.gross_m2[kRoot],
-            std::hypot(model_std_m("root"), options.body_std_m));
+            std::hypot(kErrorOfJoint[kRoot].model_std_m, options.body_std_m));
     for (int s = 0; s < kBodySegmentCount; ++s) {
         const int first = kSegmentDof[s];
         const double rotation_std = std::hypot(model_rotation_std(s), options.body_std_m / kLimb_m);
