@@ -10,10 +10,14 @@ namespace kinevox::quality {
 
 std::optional<RigHypothesis> measure_camera_time(const Session& session) {
     constexpr int kMaxSide_px = 640;
+    // Nats. A person who stands and sways matches at a wrong shift with 50.
+    constexpr double kMinEvidence = 100;
     const auto motion = sync::read_motion(session, {.max_side_px = kMaxSide_px});
     if (!motion.ok() || motion->size() < 2) return std::nullopt;
     const auto alignment = sync::align(*motion, session.fps, {.max_offset_s = 5});
     if (!alignment.ok()) return std::nullopt;
+    for (const sync::CameraFit& camera : alignment->solution.cameras)
+        if (camera.evidence < kMinEvidence) return std::nullopt;
     std::vector<double> late;  // frames, against the session's offsets
     for (std::size_t c = 0; c < motion->size(); ++c)
         late.push_back(session.fps *

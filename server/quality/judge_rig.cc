@@ -16,6 +16,9 @@ constexpr double kExplains = 0.6;        // of the residual that at most remains
 constexpr double kExplainsFully = 0.35;  // a move imitates a shift in time, but not of the limbs
 constexpr double kSwapExplains = 0.5;
 constexpr double kMinShiftFrames = 0.75;
+// Where only some frame sets contradict each other; other causes imitate small shifts there.
+constexpr double kMinLowHullIou = 0.96;
+constexpr double kMinShiftOfSome_frames = 1.5;
 constexpr double kMaxTilt_deg = 6;
 constexpr double kMaxFloor_m = 0.12;
 constexpr double kMinBelowFraction = 0.99;
@@ -32,6 +35,13 @@ double residual_or_infinite(const std::optional<RigHypothesis>& hypothesis) {
     return hypothesis ? hypothesis->residual_px : std::numeric_limits<double>::infinity();
 }
 
+// A camera's pose, intrinsics or place in the session remove the contradiction.
+bool is_explained_without_time(const RigMeasurements& rig) {
+    for (const auto& one : {rig.swapped, rig.moved, rig.intrinsics, rig.all_intrinsics})
+        if (explains(rig, one, kExplainsFully)) return true;
+    return false;
+}
+
 }  // namespace
 
 bool rig_is_inconsistent(const RigMeasurements& rig) {
@@ -39,16 +49,16 @@ bool rig_is_inconsistent(const RigMeasurements& rig) {
            (rig.min_hull_iou && *rig.min_hull_iou < kMinHullIou);
 }
 
-bool is_explained_without_time(const RigMeasurements& rig) {
-    for (const auto& one : {rig.swapped, rig.moved, rig.intrinsics, rig.all_intrinsics})
-        if (explains(rig, one, kExplainsFully)) return true;
-    return false;
+bool time_is_doubtful(const RigMeasurements& rig) {
+    if (rig_is_inconsistent(rig)) return !is_explained_without_time(rig);
+    return rig.low_hull_iou && *rig.low_hull_iou < kMinLowHullIou;
 }
 
 Judgement judge_time(const Measurements& seen) {
-    if (!rig_is_inconsistent(seen.rig) || !seen.rig.time || is_explained_without_time(seen.rig)) return {};
+    if (!seen.rig.time || !time_is_doubtful(seen.rig)) return {};
     const RigHypothesis& time = *seen.rig.time;
-    if (std::abs(time.shift_frames) < kMinShiftFrames) return {};
+    const double min_shift = rig_is_inconsistent(seen.rig) ? kMinShiftFrames : kMinShiftOfSome_frames;
+    if (std::abs(time.shift_frames) < min_shift) return {};
     const std::string name = name_of(seen, time.camera);
     return Cause{Trust::kDoNotUse, "camera_time", name,
                  fmt::format("the images of camera {} are {:.1f} frames {} than those of the others", name,

@@ -28,8 +28,8 @@ struct Cause {
 // Silhouettes and calibration contradict each other enough to ask which camera causes it.
 bool rig_is_inconsistent(const RigMeasurements& rig);
 
-// A camera's pose, intrinsics or place in the session remove the contradiction: its time need not be asked.
-bool is_explained_without_time(const RigMeasurements& rig);
+// A camera of another time may cause what contradicts itself in all or some frame sets.
+bool time_is_doubtful(const RigMeasurements& rig);
 
 // The silhouettes end above the floor and show too little for the fitted body: parts of it are missing.
 bool lacks_lower_body(const Measurements& seen);

@@ -155,6 +155,7 @@ RigMeasurements measure_rig(const Samples& seen, const SilhouetteSet& subject,
             out[c].hull_iou = hull.iou[c];
             rig.min_hull_iou = std::min(rig.min_hull_iou.value_or(1), hull.iou[c]);
         }
+    if (hull.frames > 0) rig.low_hull_iou = quantile_or(hull.frame_set_min_iou, 0.1, 1);
     const double residual = residual_of(seen.cameras, subject);
     if (!std::isfinite(residual)) return rig;
     rig.residual_px = residual;

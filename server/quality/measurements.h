@@ -48,9 +48,11 @@ struct RigHypothesis {
 
 struct RigMeasurements {
     std::optional<double> hull_iou, min_hull_iou;  // mean over the cameras, worst camera
-    std::optional<double> residual_px;             // of the given calibration
-    double side_px = 640;                          // the longer side of the images the residuals refer to
-    // The best of each kind; only measured if the residual is large.
+    // Worst camera of each frame set, 10th percentile: cameras of different times show it only in movement.
+    std::optional<double> low_hull_iou;
+    std::optional<double> residual_px;  // of the given calibration
+    double side_px = 640;               // the longer side of the images the residuals refer to
+    // The best of each kind; only measured if the residual is large, `time` also if some frame sets disagree.
     std::optional<RigHypothesis> swapped, moved, intrinsics, all_intrinsics, time;
 };
 

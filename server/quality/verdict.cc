@@ -49,6 +49,7 @@ Json json_of(const Measurements& seen) {
                 {"posed_iou", number(pose.posed_iou)},
                 {"hull_iou", number(seen.rig.hull_iou)},
                 {"min_hull_iou", number(seen.rig.min_hull_iou)},
+                {"low_hull_iou", number(seen.rig.low_hull_iou)},
                 {"silhouette_residual_px", number(seen.rig.residual_px)},
                 {"contour_residual_m", number(pose.contour_residual_m)},
                 {"joint_std_m", number(pose.joint_std_m)},

@@ -160,11 +160,20 @@ def camera_moved(s):
     camera.translation = camera.translation + np.array([0.08, 0.02, -0.05])
 
 
-def camera_time(s):
-    """The third camera started eight images late."""
+def third_camera_late(s, count):
     for c in range(len(s.cameras)):
         images = s.images(c)
-        s.set_images(c, images[8:] if c == 2 else images[:-8])
+        s.set_images(c, images[count:] if c == 2 else images[:-count])
+
+
+def camera_time(s):
+    """The third camera started eight images late; the subject moves slowly."""
+    third_camera_late(s, 8)
+
+
+def camera_time_short(s):
+    """Two images late; the subject moves fast."""
+    third_camera_late(s, 2)
 
 
 def zoomed(s):
@@ -220,6 +229,7 @@ CASES = {
     "scale_small": ("boxing", scale_small, "scale"),
     "camera_moved": ("walk", camera_moved, "camera_moved"),
     "camera_time": ("signal", camera_time, "camera_time"),
+    "camera_time_short": ("gesture", camera_time_short, "camera_time"),
     "intrinsics": ("gesture", zoomed, "intrinsics"),
     "resolution": ("signal", resolution, "intrinsics"),
     "out_of_view": ("gesture", out_of_view, "out_of_view"),

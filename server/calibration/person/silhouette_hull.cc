@@ -240,9 +240,13 @@ HullIou hull_iou(const std::vector<Camera>& cameras, const SilhouetteSet& silhou
         out.iou.push_back(frame_sets ? sum / frame_sets : std::nan(""));
         total += sum, counted += frame_sets;
     }
-    for (const auto& frame_set : iou)
-        out.frames +=
-            std::any_of(frame_set.begin(), frame_set.end(), [](double v) { return !std::isnan(v); });
+    for (const auto& frame_set : iou) {
+        double lowest = std::numeric_limits<double>::infinity();
+        for (const double v : frame_set)
+            if (v < lowest) lowest = v;  // false for NaN
+        if (std::isfinite(lowest)) out.frame_set_min_iou.push_back(lowest);
+    }
+    out.frames = static_cast<int>(out.frame_set_min_iou.size());
     out.mean_iou = counted ? total / counted : 0;
     return out;
 }

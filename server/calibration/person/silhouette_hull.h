@@ -79,6 +79,7 @@ struct HullIou {
     std::vector<double> iou;  // per camera, mean over frame sets, 0 to 1; NaN: not evaluated
     double mean_iou = 0;      // over frame sets and cameras
     int frames = 0;
+    std::vector<double> frame_set_min_iou;  // per evaluated frame set, of the camera with the lowest
 };
 
 struct HullIouOptions {

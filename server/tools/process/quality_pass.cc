@@ -40,7 +40,7 @@ std::vector<quality::Measurements> QualityPass::measure(const PosePass* poses,
         if (fit) seen.body.fitted_stature_m = fit->shape.stature_m;
     }
     quality::RigMeasurements& rig = all.front().rig;
-    if (quality::rig_is_inconsistent(rig) && !quality::is_explained_without_time(rig))
+    if (quality::time_is_doubtful(rig))
         if (const auto session = read_session(session_file_); session.ok())
             rig.time = quality::measure_camera_time(*session);
     return all;

@@ -26,6 +26,7 @@ Measurements good_session() {
         camera.posed_iou = 0.92;
     }
     seen.rig.hull_iou = seen.rig.min_hull_iou = 0.99;
+    seen.rig.low_hull_iou = 0.97;
     seen.rig.residual_px = 0.2;
     seen.world.tilt_deg = 1.0;
     seen.world.lowest_m = -0.02;
@@ -242,6 +243,18 @@ TEST(RigJudges, NameTheCameraOfAnotherTimeBeforeAMove) {
     EXPECT_EQ(first_cause(seen), "camera_moved");
     seen.rig.moved->residual_px = 5;
     seen.rig.time->shift_frames = 0.2;
+    EXPECT_FALSE(judge_time(seen));
+}
+
+TEST(RigJudges, NameTheCameraOfAnotherTimeWhereOnlyMovementShowsIt) {
+    Measurements seen = good_session();
+    seen.rig.time = RigHypothesis{.camera = 2, .shift_frames = -8};
+    EXPECT_FALSE(time_is_doubtful(seen.rig));
+    seen.rig.low_hull_iou = 0.95;
+    EXPECT_TRUE(time_is_doubtful(seen.rig));
+    EXPECT_EQ(judge_time(seen)->camera, "cam3");
+    EXPECT_EQ(first_cause(seen), "camera_time");
+    seen.rig.time->shift_frames = 1;  // contradictions of few frame sets have other causes, too
     EXPECT_FALSE(judge_time(seen));
 }
 
