@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <functional>
+#include <map>
 #include <utility>
 
+#include "common/median.h"
 #include "server/pipeline/pipeline.h"
 #include "server/pose/pose_stage.h"
 
@@ -178,6 +180,42 @@ const BodyShape* PosePass::body_of(std::uint32_t subject_id) const {
 const BodyFit* PosePass::fit_of(std::uint32_t subject_id) const {
     const Subject* const subject = find(subject_id);
     return subject && subject->fit ? &*subject->fit : nullptr;
+}
+
+PoseFitSummary summarize(std::span<const PoseRow> rows) {
+    constexpr double kMany = 0.25;  // of the largest number of poses
+    PoseFitSummary out;
+    std::map<std::uint32_t, std::vector<double>> residuals_m;  // by subject
+    for (const PoseRow& row : rows) {
+        if (!row.pose) continue;
+        residuals_m[row.subject_id].push_back(row.pose->contour_residual_rms_m);
+        out.measured_joints += std::ranges::count_if(row.pose->joints, &JointEstimate::measured);
+    }
+    if (residuals_m.empty()) return out;
+    std::size_t poses = 0, max_poses = 0;
+    for (const auto& [subject, each] : residuals_m)
+        poses += each.size(), max_poses = std::max(max_poses, each.size());
+    double sum_m = 0, max_m = 0;
+    for (auto& [subject, each] : residuals_m) {
+        const auto count = static_cast<double>(each.size());
+        const double median_m = median_of(each);
+        sum_m += median_m * count;
+        if (count >= kMany * static_cast<double>(max_poses)) max_m = std::max(max_m, median_m);
+    }
+    out.contour_residual_m = sum_m / static_cast<double>(poses);
+    out.max_contour_residual_m = max_m;
+    return out;
+}
+
+bool is_better(const PoseFitSummary& one, const PoseFitSummary& other) {
+    constexpr double kMissing_m = 0.1;  // what a joint without a position counts
+    if (!one.contour_residual_m || !other.contour_residual_m) return false;
+    const auto all = static_cast<double>(std::max(one.measured_joints, other.measured_joints));
+    const auto cost = [&](const PoseFitSummary& run) {
+        const double missing = all > 0 ? 1 - static_cast<double>(run.measured_joints) / all : 0;
+        return *run.contour_residual_m + kMissing_m * missing;
+    };
+    return cost(one) < cost(other);
 }
 
 }  // namespace kinevox

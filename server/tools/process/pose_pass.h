@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "common/camera.h"
@@ -92,5 +93,18 @@ class PosePass {
     std::vector<PoseRow> all_;  // per frame, without subject
     std::vector<std::unique_ptr<Subject>> subjects_;
 };
+
+// How well the posed bodies of a session fit their silhouettes, to choose between two runs.
+struct PoseFitSummary {
+    // Of each subject's poses the median: the mean over all poses, and the largest of those who have many.
+    std::optional<double> contour_residual_m, max_contour_residual_m;
+    std::int64_t measured_joints = 0;  // of all subjects, without those withheld
+};
+
+PoseFitSummary summarize(std::span<const PoseRow> rows);
+
+// Shadows taken for the subject fit no body either, so the residual decides between two silhouettes of the
+// same session, together with the joints that only the other measures.
+bool is_better(const PoseFitSummary& one, const PoseFitSummary& other);
 
 }  // namespace kinevox

@@ -18,7 +18,6 @@
 
 #include "common/calibration_file.h"
 #include "common/files.h"
-#include "common/median.h"
 #include "common/session_file.h"
 #include "common/stopwatch.h"
 #include "server/cameras/session_source.h"
@@ -154,25 +153,6 @@ std::vector<Table> tables_of(const std::vector<PoseRow>& rows, const PosePass& p
     return tables;
 }
 
-// How well the posed bodies of all subjects fit their silhouettes.
-struct PoseFitSummary {
-    std::optional<double> contour_residual_m;  // median
-    std::int64_t measured_joints = 0;          // of all subjects, without those withheld
-};
-
-PoseFitSummary summarize(const std::vector<PoseRow>& rows) {
-    PoseFitSummary out;
-    std::vector<double> residuals;
-    for (const PoseRow& row : rows) {
-        if (!row.pose) continue;
-        residuals.push_back(row.pose->contour_residual_rms_m);
-        out.measured_joints += std::ranges::count_if(row.pose->joints, &JointEstimate::measured);
-    }
-    if (residuals.empty()) return out;
-    out.contour_residual_m = median_of(residuals);
-    return out;
-}
-
 // What a run through the whole session finds, besides what the writer holds.
 struct Run {
     double fps = 0, wall_s = 0;
@@ -290,21 +270,8 @@ absl::StatusOr<Run> SessionRuns::run(const ProcessOptions& options) {
 // Whether the silhouettes may lack parts of a subject: the posed bodies do not fit them, and nothing else
 // explains that.
 bool may_lack_parts(const Run& run) {
-    return run.poses.contour_residual_m.value_or(0) > quality::kMaxContourResidual_m &&
+    return run.poses.max_contour_residual_m.value_or(0) > quality::kMaxContourResidual_m &&
            quality::may_lack_parts(run.quality.causes);
-}
-
-// Shadows taken for the subject fit no body either, so the residual decides between the two rules, together
-// with the joints that only the other measures.
-bool is_better(const PoseFitSummary& one, const PoseFitSummary& other) {
-    constexpr double kMissing_m = 0.1;  // what a joint without a position counts
-    if (!one.contour_residual_m || !other.contour_residual_m) return false;
-    const auto all = static_cast<double>(std::max(one.measured_joints, other.measured_joints));
-    const auto cost = [&](const PoseFitSummary& run) {
-        const double missing = all > 0 ? 1 - static_cast<double>(run.measured_joints) / all : 0;
-        return *run.contour_residual_m + kMissing_m * missing;
-    };
-    return cost(one) < cost(other);
 }
 
 }  // namespace
