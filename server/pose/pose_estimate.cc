@@ -9,6 +9,7 @@
 #include <limits>
 #include <numbers>
 #include <optional>
+#include <string>
 
 #include "common/body_pose.h"
 #include "common/geometry.h"
@@ -296,8 +297,13 @@ AngleByPosition angle_derivatives(const PosedBody& posed) {
     return by_position;
 }
 
+std::string visible_in(std::string_view what, int count, int cameras) {
+    return fmt::format("{} {} of {} cameras", what, count ? "visible in one" : "not visible in any", cameras);
+}
+
 // What a posture's uncertainty is judged by.
 struct Evidence {
+    int min_cameras;    // one shows no depth: beside others, a fifth of such joints are far off
     Matrix covariance;  // of a step, without motion prior
     SupportSets support;
     Ambiguity others;
@@ -352,8 +358,8 @@ void judge_joints(const JointJacobian& jacobian, const Evidence& of, int cameras
         const CameraSet set = parent >= 0 ? of.support[segment] | of.support[parent] : of.support[segment];
         joint.camera_count = static_cast<int>(set.count());
         joint.withheld_reason.clear();
-        if (joint.camera_count == 0)
-            joint.withheld_reason = fmt::format("joint not visible in any of {} cameras", cameras);
+        if (joint.camera_count < of.min_cameras)
+            joint.withheld_reason = visible_in("joint", joint.camera_count, cameras);
         else if (joint.std_m > options.max_joint_std_m)
             joint.withheld_reason = fmt::format("position uncertain (std {:.0f} mm)", 1000 * joint.std_m);
     }
@@ -373,10 +379,10 @@ void judge_angles(const AngleByStep& by_step, const Evidence& of, int cameras, c
         angle.velocity_rad_per_s = kNaN;
         angle.camera_count = static_cast<int>((of.support[pair.first] | of.support[pair.second]).count());
         angle.withheld_reason.clear();
-        if (of.support[pair.first].none() || of.support[pair.second].none())
-            angle.withheld_reason = fmt::format(
-                "{} not visible in any of {} cameras",
-                kBodySegmentNames[of.support[pair.first].none() ? pair.first : pair.second], cameras);
+        const int hidden = of.support[pair.first].none() ? pair.first : pair.second;
+        const int count = of.support[hidden].none() ? 0 : angle.camera_count;
+        if (count < of.min_cameras)
+            angle.withheld_reason = visible_in(kBodySegmentNames[hidden], count, cameras);
         else if (angle.std_rad > options.max_angle_std_rad)
             angle.withheld_reason = fmt::format("angle uncertain (std {:.0f} deg)", angle.std_rad / kDegree);
     }
@@ -445,7 +451,8 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
         information(k, k) +=
             k < 3 ? 1 / (kRoomStd_m * kRoomStd_m) : 1 / (kRotationStd_rad * kRotationStd_rad);
     const PosedBody posed = model.forward(posture);
-    Evidence evidence{.covariance = information.llt().solve(Matrix::Identity()),
+    Evidence evidence{.min_cameras = shows_others(views) ? 2 : 1,
+                      .covariance = information.llt().solve(Matrix::Identity()),
                       .support = supporting_cameras(terms, capsules),
                       .others = ambiguity(model, posture, posed, others),
                       .misfit = misfit_of(views, terms, capsules)};

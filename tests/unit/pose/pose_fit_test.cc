@@ -577,6 +577,35 @@ TEST(PoseEstimate, WithholdsJointsThatNoCameraShows) {
     EXPECT_EQ(shoulder.camera_count, 4);
 }
 
+TEST(PoseEstimate, WithholdsBesideOthersWhatOneCameraShows) {
+    Scene scene;
+    const BodyPosture posture = posture_from_coordinates(scene.standing());
+    std::vector<BodyCapsule> capsules;
+    scene.model->capsules(scene.model->forward(posture), capsules);
+    for (std::size_t c = 1; c < scene.cameras.size(); ++c)
+        scene.cameras[c].height = 120;  // the legs lie below the image
+    for (const bool beside_others : {false, true}) {
+        std::vector<SilhouetteRays> views(scene.cameras.size());
+        for (std::size_t c = 0; c < views.size(); ++c) {
+            const kernels::Silhouettes seen = testing::silhouette_of(scene.cameras[c], capsules);
+            ForegroundPart other{std::vector<std::uint8_t>(seen.sharp.size(), 0), {0, 0, 8, 8}};
+            std::fill_n(other.mask.begin(), 8, 255);  // in a corner
+            read_silhouette(scene.cameras[c], seen, {}, views[c], {}, beside_others ? &other : nullptr);
+        }
+        PoseCost cost;
+        Linearisation data;
+        cost.linearise(*scene.model, posture, views, nullptr, 0.04, data);
+        BodyPose pose;
+        judge_posture(*scene.model, posture, data, views, cost.terms(), cost.capsules(), {}, 4, {}, pose);
+        const JointEstimate& ankle = pose.joints[*joint_index("ankle_l")];
+        const AngleEstimate& knee = pose.angles[*angle_index("knee_flexion_geometric_l")];
+        EXPECT_EQ(ankle.camera_count, 1);
+        EXPECT_EQ(ankle.withheld_reason, beside_others ? "joint visible in one of 4 cameras" : "");
+        EXPECT_EQ(knee.measured(), !beside_others) << knee.withheld_reason;
+        EXPECT_TRUE(pose.joints[*joint_index("shoulder_l")].measured());
+    }
+}
+
 // Of the standing body, seen by all cameras.
 BodyPose judged(const Scene& scene, const BodyPosture& posture, std::span<const WeightedPosture> others) {
     const auto views = scene.see(scene.standing());
