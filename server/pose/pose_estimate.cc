@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <bitset>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -20,32 +21,15 @@ namespace kinevox {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-// A prior without any images, so that the covariance is finite: the room, and any rotation.
-constexpr double kRoomStd_m = 2, kRotationStd_rad = 1.5;
-constexpr double kMinHipFlexion = 5 * kDegree;  // for a ratio
-constexpr int kMinSupportTerms = 4;             // minimum residuals of a camera on a segment to support it
+constexpr int kMinSupportTerms = 4;  // minimum residuals of a camera on a segment to support it
 constexpr int kMaxCameras = 64;
+// Of the joints, beside others: a tenth of what remains of the limbs then has gross errors.
+constexpr double kMaxWithheld = 1.0 / 3;
 constexpr double kMinProbability = 1e-4;
 
 using Matrix = Eigen::Matrix<double, kBodyDofCount, kBodyDofCount>;
 using Vector = Eigen::Matrix<double, kBodyDofCount, 1>;
 using CameraSet = std::bitset<kMaxCameras>;
-
-// The two segments of each angle, in the order of kJointAngleNames.
-struct SegmentPair {
-    int first, second;
-};
-constexpr std::array<SegmentPair, kJointAngleNames.size()> kAngleSegments{{{kThighL, kShankL},
-                                                                           {kThighR, kShankR},
-                                                                           {kUpperArmL, kForearmL},
-                                                                           {kUpperArmR, kForearmR},
-                                                                           {kPelvis, kThighL},
-                                                                           {kPelvis, kThighR},
-                                                                           {kPelvis, kThighL},
-                                                                           {kPelvis, kThighR},
-                                                                           {kThorax, kUpperArmL},
-                                                                           {kThorax, kUpperArmR},
-                                                                           {kPelvis, kThorax}}};
 
 std::array<CameraSet, kBodySegmentCount> supporting_cameras(std::span<const SurfaceTerm> terms,
                                                             std::span<const BodyCapsule> capsules) {
@@ -221,10 +205,6 @@ double ambiguity_variance(double difference2, double own_misfit_m2, const Weight
 }
 double combined_std(double variance, double model_std) {
     return std::sqrt(variance + model_std * model_std);
-}
-
-double ratio(double knee, double hip) {
-    return std::abs(hip) < kMinHipFlexion ? kNaN : knee / hip;
 }
 
 // Mean squares of the differences to other postures, weighted by their probabilities.
@@ -426,22 +406,6 @@ void judge_coordinates(const BodyPosture& posture, const Evidence& of, const Est
 
 }  // namespace
 
-void describe_posture(const BodyModel& model, const BodyPosture& posture, BodyPose& out) {
-    const PosedBody posed = model.forward(posture);
-    for (std::size_t j = 0; j < out.joints.size(); ++j)
-        out.joints[j].in_world = out.joints[j].measured() ? posed.joints_in_world[j] : Vec3{kNaN, kNaN, kNaN};
-    const auto angles = joint_angles(posed.joints_in_world);
-    for (std::size_t k = 0; k < out.angles.size(); ++k)
-        out.angles[k].value_rad = out.angles[k].measured() ? angles[k] : kNaN;
-    out.coordinates = coordinates_from_posture(posture);
-    for (int s = 0; s < kBodySegmentCount; ++s) {
-        out.world_from_segment[s] = quaternion_from_rotation(posed.world_from_segment[s].rotation);
-        out.parent_from_segment[s] = quaternion_from_rotation(posture.parent_from_segment[s]);
-    }
-    out.ratios.knee_hip_flexion_ratio_l = ratio(out.angles[0].value_rad, out.angles[4].value_rad);
-    out.ratios.knee_hip_flexion_ratio_r = ratio(out.angles[1].value_rad, out.angles[5].value_rad);
-}
-
 void judge_posture(const BodyModel& model, const BodyPosture& posture, const Linearisation& data,
                    std::span<const SilhouetteRays> views, std::span<const SurfaceTerm> terms,
                    std::span<const BodyCapsule> capsules, std::span<const WeightedPosture> others,
@@ -461,40 +425,10 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
     judge_joints(jacobian, evidence, cameras, options, out);
     judge_angles(angle_derivatives(posed) * jacobian, evidence, cameras, options, out);
     judge_coordinates(posture, evidence, options, out);
-}
-
-void withhold_legs(const LegFlags& missing, BodyPose& out) {
-    static constexpr std::string_view kReason = "leg not in the silhouettes";
-    constexpr std::size_t kWaist = *joint_index("sacroiliac");
-    const bool both = missing[0] && missing[1];
-    const auto of_missing_leg = [&](int segment) {
-        return (both && segment == kPelvis) || std::ranges::any_of(kLegSegments, [&](const auto& pair) {
-                   return (missing[0] && segment == pair.first) || (missing[1] && segment == pair.second);
-               });
-    };
-    for (std::size_t j = 0; j < out.joints.size(); ++j)
-        if (of_missing_leg(kJointSegment[j]) || (both && j == kWaist))
-            out.joints[j].withheld_reason = kReason;
-    for (std::size_t k = 0; k < out.angles.size(); ++k)
-        if (of_missing_leg(kAngleSegments[k].first) || of_missing_leg(kAngleSegments[k].second))
-            out.angles[k].withheld_reason = kReason;
-    for (int s = 0; s < kBodySegmentCount; ++s)
-        if (of_missing_leg(s))
-            for (int k = 0; k < kSegmentDofCount[s]; ++k)
-                out.coordinate_std[kSegmentDof[s] + k] = kRotationStd_rad;
-    if (both) std::fill_n(out.coordinate_std.begin(), 3, kRoomStd_m);
-}
-
-void set_velocities(const BodyPose& before, BodyPose& pose) {
-    const double seconds = 1e-9 * static_cast<double>(pose.capture_time_ns - before.capture_time_ns);
-    if (!(seconds > 0)) return;
-    for (std::size_t k = 0; k < pose.angles.size(); ++k)
-        pose.angles[k].velocity_rad_per_s = (pose.angles[k].value_rad - before.angles[k].value_rad) / seconds;
-    for (int d = 0; d < kBodyDofCount; ++d) {
-        const double moved = pose.coordinates[d] - before.coordinates[d];
-        pose.coordinate_velocity[d] =
-            (is_position(d) ? moved : std::remainder(moved, 2 * std::numbers::pi)) / seconds;
-    }
+    const auto withheld =
+        static_cast<double>(std::ranges::count_if(out.joints, std::not_fn(&JointEstimate::measured)));
+    if (evidence.min_cameras > 1 && withheld >= kMaxWithheld * static_cast<double>(out.joints.size()))
+        withhold_limbs(out);
 }
 
 }  // namespace kinevox

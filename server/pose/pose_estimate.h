@@ -1,6 +1,7 @@
 // Converts a fitted posture to the published pose: joints, angles and their uncertainty.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <span>
 
@@ -12,6 +13,25 @@
 #include "server/pose/silhouette_rays.h"
 
 namespace kinevox {
+
+// The two segments of each angle, in the order of kJointAngleNames.
+struct SegmentPair {
+    int first, second;
+};
+inline constexpr std::array<SegmentPair, kJointAngleNames.size()> kAngleSegments{{{kThighL, kShankL},
+                                                                                  {kThighR, kShankR},
+                                                                                  {kUpperArmL, kForearmL},
+                                                                                  {kUpperArmR, kForearmR},
+                                                                                  {kPelvis, kThighL},
+                                                                                  {kPelvis, kThighR},
+                                                                                  {kPelvis, kThighL},
+                                                                                  {kPelvis, kThighR},
+                                                                                  {kThorax, kUpperArmL},
+                                                                                  {kThorax, kUpperArmR},
+                                                                                  {kPelvis, kThorax}}};
+
+// A prior without any images, so that the covariance is finite: the room, and any rotation.
+inline constexpr double kRoomStd_m = 2, kRotationStd_rad = 1.5;
 
 // Writes joints, angles, coordinates, orientations and ratios of a posture to `out`; values with a
 // withheld_reason become NaN.
@@ -34,6 +54,9 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
 // missing: then the silhouettes do not show where the trunk ends. Between judge_posture() and
 // describe_posture().
 void withhold_legs(const LegFlags& missing, BodyPose& out);
+
+// Withholds what is beyond hips and shoulders and not withheld yet.
+void withhold_limbs(BodyPose& out);
 
 // Velocities between two poses, rad/s and m/s; NaN if either value is withheld.
 void set_velocities(const BodyPose& before, BodyPose& pose);

@@ -577,6 +577,24 @@ TEST(PoseEstimate, WithholdsJointsThatNoCameraShows) {
     EXPECT_EQ(shoulder.camera_count, 4);
 }
 
+// With another subject in a corner of the images, or alone.
+BodyPose judged_beside(const Scene& scene, const BodyPosture& posture,
+                       const std::vector<BodyCapsule>& capsules, bool others) {
+    std::vector<SilhouetteRays> views(scene.cameras.size());
+    for (std::size_t c = 0; c < views.size(); ++c) {
+        const kernels::Silhouettes seen = testing::silhouette_of(scene.cameras[c], capsules);
+        ForegroundPart other{std::vector<std::uint8_t>(seen.sharp.size(), 0), {0, 0, 8, 8}};
+        std::fill_n(other.mask.begin(), 8, 255);
+        read_silhouette(scene.cameras[c], seen, {}, views[c], {}, others ? &other : nullptr);
+    }
+    PoseCost cost;
+    Linearisation data;
+    cost.linearise(*scene.model, posture, views, nullptr, 0.04, data);
+    BodyPose pose;
+    judge_posture(*scene.model, posture, data, views, cost.terms(), cost.capsules(), {}, 4, {}, pose);
+    return pose;
+}
+
 TEST(PoseEstimate, WithholdsBesideOthersWhatOneCameraShows) {
     Scene scene;
     const BodyPosture posture = posture_from_coordinates(scene.standing());
@@ -585,24 +603,31 @@ TEST(PoseEstimate, WithholdsBesideOthersWhatOneCameraShows) {
     for (std::size_t c = 1; c < scene.cameras.size(); ++c)
         scene.cameras[c].height = 120;  // the legs lie below the image
     for (const bool beside_others : {false, true}) {
-        std::vector<SilhouetteRays> views(scene.cameras.size());
-        for (std::size_t c = 0; c < views.size(); ++c) {
-            const kernels::Silhouettes seen = testing::silhouette_of(scene.cameras[c], capsules);
-            ForegroundPart other{std::vector<std::uint8_t>(seen.sharp.size(), 0), {0, 0, 8, 8}};
-            std::fill_n(other.mask.begin(), 8, 255);  // in a corner
-            read_silhouette(scene.cameras[c], seen, {}, views[c], {}, beside_others ? &other : nullptr);
-        }
-        PoseCost cost;
-        Linearisation data;
-        cost.linearise(*scene.model, posture, views, nullptr, 0.04, data);
-        BodyPose pose;
-        judge_posture(*scene.model, posture, data, views, cost.terms(), cost.capsules(), {}, 4, {}, pose);
+        const BodyPose pose = judged_beside(scene, posture, capsules, beside_others);
         const JointEstimate& ankle = pose.joints[*joint_index("ankle_l")];
         const AngleEstimate& knee = pose.angles[*angle_index("knee_flexion_geometric_l")];
         EXPECT_EQ(ankle.camera_count, 1);
         EXPECT_EQ(ankle.withheld_reason, beside_others ? "joint visible in one of 4 cameras" : "");
         EXPECT_EQ(knee.measured(), !beside_others) << knee.withheld_reason;
         EXPECT_TRUE(pose.joints[*joint_index("shoulder_l")].measured());
+    }
+}
+
+TEST(PoseEstimate, WithholdsLimbsBesideOthersWhereLittleIsVisible) {
+    Scene scene;
+    const BodyPosture posture = posture_from_coordinates(scene.standing());
+    std::vector<BodyCapsule> capsules;
+    scene.model->capsules(scene.model->forward(posture), capsules);
+    for (Camera& camera : scene.cameras) camera.height = 105;  // legs and hands lie below the image
+    for (const bool beside_others : {false, true}) {
+        const BodyPose pose = judged_beside(scene, posture, capsules, beside_others);
+        for (const char* name : {"knee_l", "ankle_r", "toe_l"})
+            EXPECT_FALSE(pose.joints[*joint_index(name)].measured()) << name;
+        const JointEstimate& elbow = pose.joints[*joint_index("elbow_l")];
+        EXPECT_EQ(elbow.measured(), !beside_others) << elbow.withheld_reason;
+        EXPECT_FALSE(beside_others && pose.angles[*angle_index("shoulder_elevation_geometric_l")].measured());
+        EXPECT_TRUE(pose.joints[*joint_index("shoulder_l")].measured());
+        EXPECT_TRUE(pose.angles[*angle_index("trunk_lean_geometric")].measured());
     }
 }
 
