@@ -21,7 +21,7 @@ struct OffsetOptions {
     // Minimum evidence (nats) between any group of cameras and the others: without equal signals, and with
     // them, because a wrong calibration or a camera of another recording can make signals look equal for a
     // while.
-    double min_evidence = 25, min_evidence_equal = 50;
+    double min_evidence = 25, min_evidence_equal = 75;
     // With equal signals, a group's evidence per image must also be this fraction of that of the best quarter
     // of pairs: a camera of another recording has a weakly matching shift, but never a good one.
     double min_quality_fraction = 0.4;
