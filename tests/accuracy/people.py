@@ -29,7 +29,19 @@ SCENES = Path(__file__).resolve().parent / "people"
 MAX_PAIRED_M = 0.6
 MAX_ABSENT_S = 0.3
 MARGIN_PX = 4
+MIN_VIEWS, MIN_INSIDE = 3, 0.7  # cameras, each with this fraction of the joints in its image
 TRUNK = [JOINTS.index(j) for j in ("root", "sacroiliac", "skullbase", "hip_l", "hip_r", "shoulder_l", "shoulder_r")]
+
+
+def well_seen(cameras, joints):
+    """Of joints (frames, joints, 3): whether enough cameras show most of them, so that a person must be followed; who is in
+    one or two views only is masked out."""
+    views = np.zeros(len(joints), int)
+    for camera in cameras:
+        pixels = camera.project(joints.reshape(-1, 3)).reshape(*joints.shape[:2], 2)
+        inside = ((pixels >= 0) & (pixels < (camera.width, camera.height))).all(2)  # false for NaN, behind the camera
+        views += inside.mean(1) >= MIN_INSIDE
+    return views >= min(MIN_VIEWS, len(cameras))
 
 
 def frames_apart(session, people, count):
@@ -83,6 +95,9 @@ class People:
         self.there = np.isfinite(truth[:count]).all(axis=(2, 3))
         if sequence_frames is not None:  # who is not in a lost frame set is not missing
             self.there &= np.isin(np.arange(count), row_frames)[:, None]
+        self.followable = self.there & np.stack(
+            [well_seen(session.cameras, np.nan_to_num(truth[:count, p])) for p in range(len(self.names))], 1
+        )
         for n in range(count):
             rows = np.flatnonzero((row_frames == n) & np.isfinite(measured[:, TRUNK]).any(axis=(1, 2)))
             if not len(rows):
@@ -100,6 +115,7 @@ class People:
             self.names = [only]
             self.offset, self.std = self.offset[:, column], self.std[:, column]
             self.subject, self.there = self.subject[:, column], self.there[:, column]
+            self.followable = self.followable[:, column]
 
     def row(self, frames, person=slice(None)):
         there = self.there[frames, person]
@@ -123,9 +139,9 @@ class People:
         return count
 
     def absent_s(self):
-        """The longest time that a person is missing, and that one is invented."""
+        """The longest time that a person whom enough cameras show is missing, and that one is invented."""
         return (
-            max(longest((ids == 0) & there) for ids, there in zip(self.subject.T, self.there.T)) / self.fps,
+            max(longest((ids == 0) & seen) for ids, seen in zip(self.subject.T, self.followable.T)) / self.fps,
             longest(self.invented > 0) / self.fps,
         )
 
