@@ -80,9 +80,12 @@ class Streams(ClientTest):
         self.assertGreater(kept[0].header.stage_times_ms["total_ms"], 0)
 
     def test_the_values_of_a_pose(self):
-        pose = next(pose for pose in self.client.poses() if pose.found)
+        # Of this body of an average adult, a toe is withheld in 2 % of the poses.
+        ends = ("head_top", "toe_l", "toe_r")
+        pose = next(p for p in self.client.poses() if p.found and not {*ends} & {*p.joints.withheld_reason})
         self.assertEqual(pose.joints["knee_r"].shape, (3,))
-        self.assertTrue(0.8 < pose.joints["head_top"][2] - min(pose.joints["toe_l"][2], pose.joints["toe_r"][2]) < 2.2)
+        top, *toes = (pose.joints[joint][2] for joint in ends)
+        self.assertTrue(0.8 < top - min(toes) < 2.2)
         self.assertEqual(
             pose.angles["knee_flexion_geometric_r"],
             pose.angles.deg[kinevox.ANGLE_NAMES.index("knee_flexion_geometric_r")],
