@@ -20,6 +20,11 @@ double ratio(double knee, double hip) {
     return std::abs(hip) < kMinHipFlexion ? kNaN : knee / hip;
 }
 
+void leave_rotation_open(int segment, BodyPose& out) {
+    std::fill_n(out.coordinate_std.begin() + kSegmentDof[segment], kSegmentDofCount[segment],
+                kRotationStd_rad);
+}
+
 }  // namespace
 
 void describe_posture(const BodyModel& model, const BodyPosture& posture, BodyPose& out) {
@@ -54,9 +59,7 @@ void withhold_legs(const LegFlags& missing, BodyPose& out) {
         if (of_missing_leg(kAngleSegments[k].first) || of_missing_leg(kAngleSegments[k].second))
             out.angles[k].withheld_reason = kReason;
     for (int s = 0; s < kBodySegmentCount; ++s)
-        if (of_missing_leg(s))
-            for (int k = 0; k < kSegmentDofCount[s]; ++k)
-                out.coordinate_std[kSegmentDof[s] + k] = kRotationStd_rad;
+        if (of_missing_leg(s)) leave_rotation_open(s, out);
     if (both) std::fill_n(out.coordinate_std.begin(), 3, kRoomStd_m);
 }
 
@@ -68,8 +71,7 @@ void withhold_limbs(BodyPose& out) {
     for (std::size_t k = 0; k < out.angles.size(); ++k)
         if (kAngleSegments[k].second > kHead && out.angles[k].measured())
             out.angles[k].withheld_reason = kReason;
-    for (int s = kHead + 1; s < kBodySegmentCount; ++s)
-        std::fill_n(out.coordinate_std.begin() + kSegmentDof[s], kSegmentDofCount[s], kRotationStd_rad);
+    for (int s = kHead + 1; s < kBodySegmentCount; ++s) leave_rotation_open(s, out);
 }
 
 void set_velocities(const BodyPose& before, BodyPose& pose) {

@@ -15,7 +15,6 @@
 #include "common/body_pose.h"
 #include "common/geometry.h"
 #include "server/pose/ray_capsule.h"
-#include "server/pose/turned_posture.h"
 
 namespace kinevox {
 namespace {
@@ -283,13 +282,16 @@ std::string visible_in(std::string_view what, int count, int cameras) {
 
 // What a posture's uncertainty is judged by.
 struct Evidence {
-    int min_cameras;    // one shows no depth: beside others, a fifth of such joints are far off
-    Matrix covariance;  // of a step, without motion prior
+    bool beside_others;  // in any view
+    Matrix covariance;   // of a step, without motion prior
     SupportSets support;
     Ambiguity others;
     Misfit misfit;
     std::array<double, kJointNames.size()> gross_m2{};   // per axis, of gross errors
     std::array<double, kBodySegmentCount> gross_rad2{};  // of a segment's rotation
+
+    // That determine a value. One camera shows no depth: beside others, a fifth of such joints are far off.
+    int min_cameras() const { return beside_others ? 2 : 1; }
 };
 
 // The joint from which one hangs; of the pelvis and its neighbours the joint itself.
@@ -338,7 +340,7 @@ void judge_joints(const JointJacobian& jacobian, const Evidence& of, int cameras
         const CameraSet set = parent >= 0 ? of.support[segment] | of.support[parent] : of.support[segment];
         joint.camera_count = static_cast<int>(set.count());
         joint.withheld_reason.clear();
-        if (joint.camera_count < of.min_cameras)
+        if (joint.camera_count < of.min_cameras())
             joint.withheld_reason = visible_in("joint", joint.camera_count, cameras);
         else if (joint.std_m > options.max_joint_std_m)
             joint.withheld_reason = fmt::format("position uncertain (std {:.0f} mm)", 1000 * joint.std_m);
@@ -361,7 +363,7 @@ void judge_angles(const AngleByStep& by_step, const Evidence& of, int cameras, c
         angle.withheld_reason.clear();
         const int hidden = of.support[pair.first].none() ? pair.first : pair.second;
         const int count = of.support[hidden].none() ? 0 : angle.camera_count;
-        if (count < of.min_cameras)
+        if (count < of.min_cameras())
             angle.withheld_reason = visible_in(kBodySegmentNames[hidden], count, cameras);
         else if (angle.std_rad > options.max_angle_std_rad)
             angle.withheld_reason = fmt::format("angle uncertain (std {:.0f} deg)", angle.std_rad / kDegree);
@@ -415,7 +417,7 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
         information(k, k) +=
             k < 3 ? 1 / (kRoomStd_m * kRoomStd_m) : 1 / (kRotationStd_rad * kRotationStd_rad);
     const PosedBody posed = model.forward(posture);
-    Evidence evidence{.min_cameras = shows_others(views) ? 2 : 1,
+    Evidence evidence{.beside_others = shows_others(views),
                       .covariance = information.llt().solve(Matrix::Identity()),
                       .support = supporting_cameras(terms, capsules),
                       .others = ambiguity(model, posture, posed, others),
@@ -427,7 +429,7 @@ void judge_posture(const BodyModel& model, const BodyPosture& posture, const Lin
     judge_coordinates(posture, evidence, options, out);
     const auto withheld =
         static_cast<double>(std::ranges::count_if(out.joints, std::not_fn(&JointEstimate::measured)));
-    if (evidence.min_cameras > 1 && withheld >= kMaxWithheld * static_cast<double>(out.joints.size()))
+    if (evidence.beside_others && withheld >= kMaxWithheld * static_cast<double>(out.joints.size()))
         withhold_limbs(out);
 }
 

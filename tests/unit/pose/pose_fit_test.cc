@@ -549,6 +549,16 @@ TEST(PoseTracker, FullSilhouettesGiveNoPose) {
         EXPECT_FALSE(tracker.update(frame * 33'000'000LL, views, {0, 0, 1}, {}).has_value());
 }
 
+BodyPose judged_by(std::span<const SilhouetteRays> views, const Scene& scene, const BodyPosture& posture,
+                   std::span<const WeightedPosture> others) {
+    PoseCost cost;
+    Linearisation data;
+    cost.linearise(*scene.model, posture, views, nullptr, 0.04, data);
+    BodyPose pose;
+    judge_posture(*scene.model, posture, data, views, cost.terms(), cost.capsules(), others, 4, {}, pose);
+    return pose;
+}
+
 TEST(PoseEstimate, WithholdsJointsThatNoCameraShows) {
     Scene scene;
     const BodyCoordinates truth = scene.standing();
@@ -560,12 +570,8 @@ TEST(PoseEstimate, WithholdsJointsThatNoCameraShows) {
         camera.height = 120;  // the legs lie below the image
         read_silhouette(camera, testing::silhouette_of(camera, capsules), {}, views[c]);
     }
-    PoseCost cost;
-    Linearisation data;
     const BodyPosture posture = posture_from_coordinates(truth);
-    cost.linearise(*scene.model, posture, views, nullptr, 0.04, data);
-    BodyPose pose;
-    judge_posture(*scene.model, posture, data, views, cost.terms(), cost.capsules(), {}, 4, {}, pose);
+    BodyPose pose = judged_by(views, scene, posture, {});
     describe_posture(*scene.model, posture, pose);
     const JointEstimate &ankle = pose.joints[*joint_index("ankle_l")],
                         &shoulder = pose.joints[*joint_index("shoulder_l")];
@@ -587,12 +593,7 @@ BodyPose judged_beside(const Scene& scene, const BodyPosture& posture,
         std::fill_n(other.mask.begin(), 8, 255);
         read_silhouette(scene.cameras[c], seen, {}, views[c], {}, others ? &other : nullptr);
     }
-    PoseCost cost;
-    Linearisation data;
-    cost.linearise(*scene.model, posture, views, nullptr, 0.04, data);
-    BodyPose pose;
-    judge_posture(*scene.model, posture, data, views, cost.terms(), cost.capsules(), {}, 4, {}, pose);
-    return pose;
+    return judged_by(views, scene, posture, {});
 }
 
 TEST(PoseEstimate, WithholdsBesideOthersWhatOneCameraShows) {
@@ -633,13 +634,7 @@ TEST(PoseEstimate, WithholdsLimbsBesideOthersWhereLittleIsVisible) {
 
 // Of the standing body, seen by all cameras.
 BodyPose judged(const Scene& scene, const BodyPosture& posture, std::span<const WeightedPosture> others) {
-    const auto views = scene.see(scene.standing());
-    PoseCost cost;
-    Linearisation data;
-    cost.linearise(*scene.model, posture, views, nullptr, 0.04, data);
-    BodyPose pose;
-    judge_posture(*scene.model, posture, data, views, cost.terms(), cost.capsules(), others, 4, {}, pose);
-    return pose;
+    return judged_by(scene.see(scene.standing()), scene, posture, others);
 }
 
 // Silhouettes do not show where joint centres are inside a body.
