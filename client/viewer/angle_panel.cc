@@ -294,11 +294,13 @@ void AnglePanel::show_marks(Curve& c, const Subjects& subjects, const PlotMarks&
         auto* text = new QCPItemText(c.plot);
         text->position->setTypeX(QCPItemPosition::ptPlotCoords);
         text->position->setTypeY(QCPItemPosition::ptAxisRectRatio);
-        auto row = std::ranges::find_if(free_from_s, [&](double from_s) { return from_s <= at_s; });
+        const bool before_line = at_s > -kMarkLabel_s;
+        const double label_from_s = before_line ? at_s - kMarkLabel_s : at_s;
+        auto row = std::ranges::find_if(free_from_s, [&](double from_s) { return from_s <= label_from_s; });
         if (row == free_from_s.end()) row = std::ranges::min_element(free_from_s);
-        *row = at_s + kMarkLabel_s;
+        *row = label_from_s + kMarkLabel_s;
         text->position->setCoords(at_s, kMarkRow * static_cast<double>(row - free_from_s.begin()));
-        text->setPositionAlignment((at_s > -kMarkLabel_s ? Qt::AlignRight : Qt::AlignLeft) | Qt::AlignTop);
+        text->setPositionAlignment((before_line ? Qt::AlignRight : Qt::AlignLeft) | Qt::AlignTop);
         text->setPadding(QMargins(3, 1, 3, 1));
         const bool of_one = subjects.several() && mark.subject_id != 0;
         text->setText(QString::fromStdString(mark.text) +
