@@ -153,7 +153,7 @@ void AnglePanel::show_subjects(const Subjects& subjects) {
         compared_->addItem(tr("no one"), 0U);
         for (const auto& [id, name] : offered) {
             QPixmap icon(16, 16);
-            icon.fill(theme_.subject(id));
+            icon.fill(theme_.subject(subjects.colours().at(id)));
             const QString text = name.empty() ? tr("Subject %1").arg(id)
                                               : QString::fromStdString(name) + QString(" (%1)").arg(id);
             for (QComboBox* box : {subject_, compared_}) box->addItem(icon, text, id);
@@ -232,7 +232,7 @@ void AnglePanel::show_number(Number& n, const Subjects& subjects) {
     n.compared->setVisible(compared.has_value());
     if (!compared) return;
     const AngleHistory& theirs = subjects.history(*compared);
-    n.compared->setStyleSheet("color: " + theme_.subject(*compared).name());
+    n.compared->setStyleSheet("color: " + theme_.subject(subjects.colours().at(*compared)).name());
     n.compared->setText(number(theirs.latest_deg(name)) +
                         (other.empty() ? QString() : "  " + number(theirs.latest_deg(other))));
 }

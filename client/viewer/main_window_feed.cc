@@ -145,7 +145,7 @@ void MainWindow::take_poses() {
 }
 
 void MainWindow::show_pose_of_selected() {
-    scene_->show_subjects({subjects_.selected(), subjects_.several()});
+    scene_->show_subjects({subjects_.selected(), subjects_.several(), subjects_.colours()});
     if (latest_poses_) {
         scene_->show_poses(latest_poses_);
         const auto ghost =

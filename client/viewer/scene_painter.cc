@@ -192,10 +192,11 @@ void ScenePainter::add_bones(const ShownPose& pose, const QVector3D& eye, Skelet
                    &to = pose.joints_in_world[*joint_index(bone.to)];
         if (!from || !to) continue;
         const bool sided = bone.side == BodySide::kLeft || bone.side == BodySide::kRight;
-        const QColor colour = tinted && (kind == Skeleton::kOther || !sided) ? theme_.subject(pose.subject_id)
-                              : bone.side == BodySide::kLeft                 ? theme_.left
-                              : bone.side == BodySide::kRight                ? theme_.right
-                                                                             : theme_.midline;
+        const QColor colour = tinted && (kind == Skeleton::kOther || !sided)
+                                  ? theme_.subject(subjects_.colour(pose.subject_id))
+                              : bone.side == BodySide::kLeft  ? theme_.left
+                              : bone.side == BodySide::kRight ? theme_.right
+                                                              : theme_.midline;
         band(to_qt(*from), to_qt(*to), kBone_m / 2, colour);
     }
     if (kind == Skeleton::kGhost) return;
@@ -214,7 +215,7 @@ std::vector<ScenePainter::LineVertex> ScenePainter::discs() const {
     std::vector<LineVertex> triangles;
     if (!subjects_.several) return triangles;
     for (const ShownSubject& subject : shown_subjects_) {
-        const QColor colour = theme_.subject(subject.id);
+        const QColor colour = theme_.subject(subjects_.colour(subject.id));
         const QVector3D centre(static_cast<float>(subject.centre_in_world.x),
                                static_cast<float>(subject.centre_in_world.y), kDiscHeight_m);
         const auto add_ring = [&](float inner_m, float outer_m, int alpha) {
@@ -263,7 +264,7 @@ void ScenePainter::paint_volumes(const QMatrix4x4& clip_from_eye, const QMatrix4
     surface_.setUniformValue("min_light", theme_.dark ? 0.45f : 0.6f);
     const QOpenGLVertexArrayObject::Binder bound(&volume_.array);
     for (const ShownSubject& subject : shown_subjects_) {
-        const QColor tint = theme_.subject(subject.id);
+        const QColor tint = theme_.subject(subjects_.colour(subject.id));
         const bool is_other = subjects_.several && subject.id != subjects_.selected;
         surface_.setUniformValue("tint",
                                  QVector4D(static_cast<float>(tint.redF()), static_cast<float>(tint.greenF()),

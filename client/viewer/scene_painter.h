@@ -56,6 +56,14 @@ struct OrbitCamera {
 struct SceneSubjects {
     std::uint32_t selected = 0;
     bool several = false;
+    std::map<std::uint32_t, std::uint32_t> colours;  // Subjects::colours
+
+    // Volumes may arrive before the poses that the colours are from.
+    std::uint32_t colour(std::uint32_t id) const {
+        const auto found = colours.find(id);
+        return found == colours.end() ? id : found->second;
+    }
+    bool operator==(const SceneSubjects&) const = default;
 };
 
 struct SceneItems {

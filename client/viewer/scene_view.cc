@@ -82,7 +82,7 @@ void SceneView::find_followed() {
 }
 
 void SceneView::show_subjects(const SceneSubjects& subjects) {
-    if (subjects.selected == subjects_.selected && subjects.several == subjects_.several) return;
+    if (subjects == subjects_) return;
     subjects_ = subjects;
     painter_.set_subjects(subjects);
     find_followed();
@@ -187,7 +187,7 @@ void SceneView::paint_names() {
         QColor behind = theme_.background;
         behind.setAlpha(170);
         text.fillRect(box, behind);
-        text.setPen(subjects_.several ? theme_.subject(pose.subject_id) : theme_.text);
+        text.setPen(subjects_.several ? theme_.subject(subjects_.colour(pose.subject_id)) : theme_.text);
         text.drawText(box, Qt::AlignCenter, name);
     }
 }

@@ -80,6 +80,7 @@ void Subjects::add(const ShownPoses& poses) {
     for (const ShownPose& pose : poses.subjects) last_seen_ns_[pose.subject_id] = now_ns;
     for (const ShownPose& pose : poses.subjects) names_[pose.subject_id] = pose.subject_name;
     std::erase_if(names_, [&](const auto& named) { return !last_seen_ns_.contains(named.first); });
+    give_colours();
     if (poses.subjects.size() > 1) {
         if (!several()) {  // the history so far is that of the one who was there
             auto single = histories_.extract(kSingle);
@@ -92,6 +93,18 @@ void Subjects::add(const ShownPoses& poses) {
     }
     choose(poses);
     add_to_histories(poses);
+}
+
+void Subjects::give_colours() {
+    std::erase_if(colours_, [&](const auto& given) { return !last_seen_ns_.contains(given.first); });
+    for (const auto& [id, seen_ns] : last_seen_ns_) {
+        if (colours_.contains(id)) continue;
+        std::uint32_t number = (id + kColours - 1) % kColours + 1;
+        const auto is_taken = [&](const auto& given) { return given.second == number; };
+        for (std::uint32_t n = 0; n < kColours && std::ranges::any_of(colours_, is_taken); ++n)
+            number = number % kColours + 1;
+        colours_[id] = number;
+    }
 }
 
 void Subjects::forget(std::int64_t now_ns) {

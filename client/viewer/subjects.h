@@ -23,6 +23,9 @@ class Subjects {
     void add(const ShownPoses& poses);
     void clear();
 
+    // The subjects that are listed have different colours, up to this number.
+    static constexpr std::uint32_t kColours = 8;
+
     // Selected by the user: stays until it is gone, and is selected again when it returns.
     void select(std::uint32_t id);
     // Selects the one after the selected in ids(), after the last one the first.
@@ -35,6 +38,8 @@ class Subjects {
     std::vector<std::uint32_t> ids() const;  // seen within the last seconds
     // Empty: none.
     std::string name_of(std::uint32_t id) const;
+    // Number of the colour of each in ids(), from 1: the id modulo kColours unless another one has it.
+    const std::map<std::uint32_t, std::uint32_t>& colours() const { return colours_; }
     // 0: none was seen yet.
     std::uint32_t selected() const { return selected_; }
     // Empty without a comparison, or if the compared one is the selected one or gone.
@@ -47,11 +52,13 @@ class Subjects {
 
   private:
     void forget(std::int64_t now_ns);
+    void give_colours();
     void choose(const ShownPoses& poses);
     void add_to_histories(const ShownPoses& poses);
 
     std::map<std::uint32_t, std::int64_t> last_seen_ns_;
-    std::map<std::uint32_t, std::string> names_;       // the latest of each in last_seen_ns_
+    std::map<std::uint32_t, std::string> names_;  // the latest of each in last_seen_ns_
+    std::map<std::uint32_t, std::uint32_t> colours_;
     std::map<std::uint32_t, AngleHistory> histories_;  // only kSingle while there are not several
     std::optional<std::int64_t> several_until_ns_;
     std::int64_t latest_ns_ = 0;

@@ -5,6 +5,8 @@
 #include <QStyleFactory>
 #include <array>
 
+#include "client/viewer/subjects.h"
+
 namespace kinevox::viewer {
 
 Theme Theme::make(bool dark) {
@@ -26,11 +28,12 @@ Theme Theme::make(bool dark) {
 }
 
 // Distinct from left, right and the states of the status line where possible.
-QColor Theme::subject(std::uint32_t id) const {
+QColor Theme::subject(std::uint32_t number) const {
     static const std::array kColours{QColor(80, 210, 130), QColor(225, 95, 205),  QColor(235, 215, 70),
                                      QColor(70, 215, 220), QColor(165, 130, 255), QColor(240, 110, 110),
                                      QColor(170, 220, 60), QColor(205, 170, 130)};
-    const QColor& colour = kColours[(id + kColours.size() - 1) % kColours.size()];
+    static_assert(kColours.size() == Subjects::kColours);
+    const QColor& colour = kColours[(number + kColours.size() - 1) % kColours.size()];
     return dark ? colour : colour.darker(130);
 }
 

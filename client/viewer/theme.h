@@ -13,8 +13,8 @@ struct Theme {
     QColor background, floor_lines, floor_axis, text, faint, left, right, midline, good, warning, error;
 
     static Theme make(bool dark);
-    // Of a subject among several; the same for an id at all times.
-    QColor subject(std::uint32_t id) const;
+    // Of a subject among several, by the number of its colour, from 1 (Subjects::colours).
+    QColor subject(std::uint32_t number) const;
     void apply_to(QApplication& application) const;
 };
 

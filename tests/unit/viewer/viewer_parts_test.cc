@@ -24,6 +24,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::IsNan;
 using ::testing::Not;
+using ::testing::Pair;
 
 QVector3D on_screen(const OrbitCamera& eye, const QVector3D& point) {
     return (eye.clip_from_eye(1.6f) * eye.eye_from_world()).map(point);
@@ -234,6 +235,16 @@ TEST(Subjects, CompareAnotherUntilItIsGone) {
     EXPECT_THAT(subjects.ids(), ElementsAre(1, 2));
     subjects.add(poses_of(3, {2}));
     EXPECT_EQ(subjects.history(2).series(kKnee).time_s.size(), 1U) << "after a seek";
+}
+
+TEST(Subjects, HaveDifferentColoursThatStay) {
+    Subjects subjects;
+    subjects.add(poses_of(1, {3, 4, 12}));
+    EXPECT_THAT(subjects.colours(), ElementsAre(Pair(3, 3), Pair(4, 4), Pair(12, 5)));
+    for (double t = 2; t < 2 + 2 * Subjects::kPatience_s; ++t) subjects.add(poses_of(t, {12, 13}));
+    EXPECT_THAT(subjects.colours(), ElementsAre(Pair(12, 5), Pair(13, 6)));
+    subjects.add(poses_of(20, {1, 2, 3, 4, 5, 6, 7, 8, 9}));
+    EXPECT_EQ(subjects.colours().at(9), 1U) << "more than there are colours";
 }
 
 TEST(Subjects, AreListedWithLatestNames) {
