@@ -8,6 +8,7 @@ import sys
 import tempfile
 import threading
 import time
+import tomllib
 import unittest
 from pathlib import Path
 
@@ -20,24 +21,17 @@ from studio_daemon import StudioDaemon  # noqa: E402
 
 import kinevox  # noqa: E402
 
-FPS, FRAMES = 5, 30
-STANDS_AT = {"Anna B.": (1.1, 1.0), "": (-1.0, 1.1), "Jörg/№ 3": (-1.1, -1.0), "Cleo": (1.0, -1.1)}  # m
-ENTER_S = (0.7, 1.7, 2.7, 2.7)
-CAMERAS = 6
+SCENE = REPOSITORY / "tests/support/four_people.toml"
+
+
+def positions():
+    """[x, y] in metres of each person of the scene."""
+    scene = tomllib.loads(SCENE.read_text())
+    return [motion["shift_m"] for motion in (scene["motion"], *(person["motion"] for person in scene["person"]))]
+
+
+STANDS_AT = dict(zip(("Anna B.", "", "Jörg/№ 3", "Cleo"), positions()))
 WAIT_S = 120
-
-
-def write_scene(file):
-    lines = [f"seed = 5\nfps = {FPS}\nframes = {FRAMES}\nbackground_frames = 10"]
-    for n, (motion, (x, y)) in enumerate(zip(("squat", "arm_raise", "arm_raise", "squat"), STANDS_AT.values())):
-        lines.append(f"[[person]]\nseed = {5 + n}" if n else "")
-        table = "person.motion" if n else "motion"
-        lines.append(f'[{table}]\nname = "{motion}"\nshift_m = [{x}, {y}]\nenter_s = {ENTER_S[n]}')
-    for n in range(CAMERAS):
-        angle, height = 2 * np.pi * (n + 0.1) / CAMERAS, 2.7 if n % 2 else 2.2
-        at = f"{4.6 * np.cos(angle):.3f}, {4.4 * np.sin(angle):.3f}, {height}"
-        lines.append(f"[[camera]]\nposition_m = [{at}]\nsize_px = [400, 300]\nzoom = 0.8")
-    file.write_text("\n".join(lines) + "\n")
 
 
 def name_at(x, y):
@@ -65,16 +59,8 @@ class Group:
 
     def __init__(self, folder):
         self.folder = folder
-        write_scene(folder / "scene.toml")
         subprocess.run(
-            [
-                BUILD / "server/tools/kinevox-studio",
-                "--scene",
-                folder / "scene.toml",
-                "--out",
-                folder / "session",
-                "--no-masks",
-            ],
+            [BUILD / "server/tools/kinevox-studio", "--scene", SCENE, "--out", folder / "session", "--no-masks"],
             check=True,
             capture_output=True,
         )

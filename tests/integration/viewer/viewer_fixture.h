@@ -77,6 +77,17 @@ class ViewerTest : public testing::DaemonTest {
                coloured_pixels(window_->scene().grabFramebuffer()) > 300;
     }
 
+    // Of a point of the world, in the scene.
+    QPoint pixel_of(const Vec3& at_m) {
+        SceneView& scene = window_->scene();
+        const float width_over_height = 1.f * scene.width() / scene.height();
+        const QVector3D at = (scene.eye().clip_from_eye(width_over_height) * scene.eye().eye_from_world())
+                                 .map(QVector3D(static_cast<float>(at_m.x), static_cast<float>(at_m.y),
+                                                static_cast<float>(at_m.z)));
+        return {static_cast<int>((0.5f + 0.5f * at.x()) * scene.width()),
+                static_cast<int>((0.5f - 0.5f * at.y()) * scene.height())};
+    }
+
     std::unique_ptr<MainWindow> window_;
 };
 

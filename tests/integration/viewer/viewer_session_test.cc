@@ -97,22 +97,15 @@ TEST_F(ViewerSessionTest, ShowsSeveralAthletesAndSelectsOne) {
     scene.eye() = OrbitCamera{.distance_m = 7};
     scene.update();
     QTest::qWait(300);
-    const auto pixel_of = [&](std::uint32_t id) {
-        const auto volume = window_->feed().volume();
-        const ShownSubject* subject = volume->subject(id);
-        if (!subject) return QPoint();
-        const Vec3& c = subject->centre_in_world;
-        const QVector3D at =
-            (scene.eye().clip_from_eye(1.f * scene.width() / scene.height()) * scene.eye().eye_from_world())
-                .map(QVector3D(static_cast<float>(c.x), static_cast<float>(c.y), static_cast<float>(c.z)));
-        return QPoint(static_cast<int>((0.5f + 0.5f * at.x()) * scene.width()),
-                      static_cast<int>((0.5f - 0.5f * at.y()) * scene.height()));
+    const auto pixel_of_subject = [&](std::uint32_t id) {
+        const ShownSubject* subject = window_->feed().volume()->subject(id);
+        return subject ? pixel_of(subject->centre_in_world) : QPoint();
     };
     EXPECT_TRUE(wait([&] {
-        QTest::mouseClick(&scene, Qt::LeftButton, {}, pixel_of(first));
+        QTest::mouseClick(&scene, Qt::LeftButton, {}, pixel_of_subject(first));
         return subjects.selected() == first;
     }));
-    const QPoint there = pixel_of(other);
+    const QPoint there = pixel_of_subject(other);
     QTest::mousePress(&scene, Qt::LeftButton, {}, there - QPoint(30, 0));
     QTest::mouseMove(&scene, there);
     QTest::mouseRelease(&scene, Qt::LeftButton, {}, there);

@@ -3,13 +3,16 @@
 // usage: exhibit_test.mjs BUILD-FOLDER [--images FOLDER]
 import assert from "node:assert/strict";
 import { execFile, spawnSync } from "node:child_process";
+import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import {
   cleanUp,
   openBrowser,
+  REPOSITORY,
   skipWithoutChromium,
   start,
   startDaemon,
+  temporary,
   testData,
   until,
 } from "../../support/exhibit_browser.mjs";
@@ -19,7 +22,8 @@ const BUILD = process.argv[2];
 const IMAGES = process.argv[3] === "--images" ? process.argv[4] : undefined;
 const WEB = join(BUILD, "client/web/kinevox-web"),
   DAEMON = join(BUILD, "server/daemon/kinevoxd"),
-  CLI = join(BUILD, "client/cli/kinevox");
+  CLI = join(BUILD, "client/cli/kinevox"),
+  STUDIO = join(BUILD, "server/tools/kinevox-studio");
 const PAGES = join(BUILD, "client/exhibit/page");
 const IMAGE = 5; // StreamKind of exhibit.proto
 
@@ -75,6 +79,47 @@ async function pixels(clip, name) {
     }
     return out;
   }, shot.toString("base64"));
+}
+// Of client/exhibit/src/palette.ts.
+const OUTLINE = { inner: [0x1a, 0x20, 0x2a], rim: [0xa3, 0xb0, 0xc6] };
+/** Sizes in pixels of the outlines, behind the panels, too: connected pixels between the colours of body and rim. */
+async function outlines() {
+  const hidePanels = (hide) =>
+    page.evaluate((visibility) => {
+      for (const panel of document.querySelectorAll("body > :not(#scene)")) panel.style.visibility = visibility;
+    }, hide && "hidden");
+  await hidePanels(true);
+  const shot = await page.screenshot();
+  await hidePanels("");
+  return reader.evaluate(
+    async ([data, { inner, rim }, minPixels]) => {
+      const image = new Image();
+      image.src = `data:image/png;base64,${data}`;
+      await image.decode();
+      const { width, height } = image;
+      const context = new OffscreenCanvas(width, height).getContext("2d");
+      context.drawImage(image, 0, 0);
+      const { data: rgba } = context.getImageData(0, 0, width, height);
+      const isOutline = new Uint8Array(width * height).map((_, n) => {
+        const t = (rgba[4 * n] - inner[0]) / (rim[0] - inner[0]);
+        const misses = (c) => Math.abs(rgba[4 * n + c] - inner[c] - t * (rim[c] - inner[c])) > 3;
+        return t > -0.03 && t < 1.03 && !misses(1) && !misses(2);
+      });
+      // The floor's lines have such colours, too, but are narrow.
+      const around = [-1, 0, 1].flatMap((right) => [-width, 0, width].map((down) => right + down));
+      const left = new Set();
+      isOutline.forEach((is, n) => is && around.every((step) => isOutline[n + step]) && left.add(n));
+      const sizes = [];
+      for (const seed of left) {
+        const connected = [seed];
+        left.delete(seed);
+        for (const n of connected) for (const step of around) if (left.delete(n + step)) connected.push(n + step);
+        if (connected.length >= minPixels) sizes.push(connected.length);
+      }
+      return sizes;
+    },
+    [shot.toString("base64"), OUTLINE, 400],
+  );
 }
 const CENTRE = { x: 300, y: 60, width: 360, height: 420 }; // between the panels
 
@@ -219,6 +264,61 @@ const steps = {
       const seen = await pixels(CENTRE, "two_visitors");
       return seen.left > 150 && seen.right > 150;
     });
+  },
+
+  async "shows no, one, two and four visitors, who enter one after another"() {
+    const scene = join(REPOSITORY, "tests/support/four_people.toml"),
+      folder = join(temporary, "four");
+    const rendered = spawnSync(STUDIO, ["--scene", scene, "--out", folder, "--no-masks"], { encoding: "utf8" });
+    assert.equal(rendered.status, 0, rendered.stderr);
+    const positions = [...readFileSync(scene, "utf8").matchAll(/shift_m = \[(.*), (.*)\]/g)].map(([, x, y]) => [+x, +y]);
+    const follows = ({ at: [x, y] }, position) => Math.hypot(x - position[0], y - position[1]) < 0.6;
+    // A busy machine may miss what is shown for a second, until the session begins again.
+    const untilShown = (what, check) => until(what, check, 80);
+    const port = portOf(daemon);
+    await daemon.end();
+    daemon = await startDaemon(DAEMON, { port, session: join(folder, "session.toml"), maxSubjects: 4 });
+
+    // The last one to enter is nearest to the mark.
+    await page.goto(`${origin}/?probe&level=1&lang=en&mark=${positions[3]}`);
+    await untilShown("no visitor", async () => {
+      const s = await stats();
+      return s?.poses > 2 && s.joints === 0 && s.others === 0 && (await attract());
+    });
+    await pixels(undefined, "no_visitor");
+    // From above none is hidden by another one. A view that was touched does not rotate.
+    await page.mouse.move(480, 200);
+    await page.mouse.down();
+    await page.mouse.move(480, 270, { steps: 5 });
+    await page.mouse.up();
+    await page.mouse.wheel(0, 2000);
+    await untilShown("one visitor without an outline", async () => {
+      const before = await stats(),
+        drawn = await outlines(),
+        after = await stats();
+      const isAlone = (s) => s.others === 0 && s.joints > 15 && follows(s, positions[0]);
+      return isAlone(before) && isAlone(after) && after.present && !(await attract()) && drawn.length === 0;
+    });
+    await untilShown("two visitors", async () => {
+      const s = await stats();
+      return s.others === 1 && follows(s, positions[0]);
+    });
+    await untilShown("an outline", async () => (await outlines()).length === 1);
+    await untilShown("four visitors", async () => {
+      const s = await stats();
+      return s.present && s.others === 3 && s.joints > 15 && follows(s, positions[3]);
+    });
+    await untilShown("three outlines", async () => (await outlines()).length === 3);
+    await pixels(undefined, "four_visitors");
+    await untilShown("attract mode when all have left", async () => (await attract()) && (await stats()).others === 0);
+
+    await page.goto(`${origin}/?probe&level=1&lang=en&mark=${positions[1]}`);
+    await untilShown("another one followed", async () => {
+      const s = await stats();
+      return s?.present && s.others === 3 && s.joints > 15 && follows(s, positions[1]);
+    });
+    assert.equal((await stats()).problem, "");
+    assert.deepEqual(errors, []);
   },
 
   async "stores nothing and connects to no other host"() {
