@@ -25,10 +25,11 @@ std::int64_t nanoseconds(double seconds) {
 }  // namespace
 
 bool may_lack_parts(std::span<const Cause> causes) {
-    // The last three are also what missing legs or trunks look like.
+    // camera_time, floor_height and scale are also what missing legs or trunks look like; who is cut by an
+    // image border may lack parts elsewhere.
     static constexpr std::string_view kMissingParts[] = {"silhouettes",  "withheld",    "background_occupied",
                                                          "still_object", "camera_time", "floor_height",
-                                                         "scale"};
+                                                         "scale",        "out_of_view"};
     return causes.empty() ||
            std::ranges::find(kMissingParts, causes.front().cause) != std::end(kMissingParts);
 }

@@ -22,6 +22,8 @@ constexpr double kMinTrunkDistance_m = 0.4;
 constexpr double kMinTrunkRatio = 0.55;   // of the cells around one trunk and around the largest
 constexpr double kMaxValleyRatio = 0.75;  // of the cells between two trunks and around the smaller
 
+constexpr double kMaxTrunkBottom_m = 0.9;
+
 // Halves of a person: a gap as high as a stripe of a shirt, or arms that hang beside the lower one.
 constexpr double kMinHalf_litres = 8;
 constexpr double kMaxHalvesGap_m = 0.25, kMaxHalvesOverlap_m = 0.4;  // vertical
@@ -335,6 +337,11 @@ class TrunkMap {
 };
 
 }  // namespace
+
+bool lacks_legs(const CellStatistics& s) {
+    return s.litres >= kMinTrunk_litres && s.max_in_world.z >= kTallPerson_m &&
+           s.min_in_world.z > kMaxUprightBottom_m && s.min_in_world.z <= kMaxTrunkBottom_m;
+}
 
 void join_halves(const OccupiedCells& grid, std::vector<Cells>& parts) {
     if (parts.size() < 2) return;

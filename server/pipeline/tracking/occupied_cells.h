@@ -77,6 +77,15 @@ class OccupiedCells {
 // Of a person who stands or walks, above the floor.
 inline constexpr double kMaxUprightBottom_m = 0.5;
 
+// Top of most people who stand, and of little furniture.
+inline constexpr double kTallPerson_m = 1.3;
+
+// In the hull, with a head.
+inline constexpr double kMinTrunk_litres = 40;
+
+// Whether a part in the air is as large as a trunk with a head: legs in the colour of the floor are missing.
+bool lacks_legs(const CellStatistics& part);
+
 // Joins parts that hang in the air with what stands below them: clothes of the background's colour divide a
 // person.
 void join_halves(const OccupiedCells& grid, std::vector<Cells>& parts);

@@ -1,12 +1,15 @@
-// SceneTracker: who a newcomer is, and who of those tracked is followed.
+// SceneTracker: whether a part is a newcomer, who that is, and who of those tracked is followed.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
+#include "kernels/projection.h"
+#include "server/pipeline/for_each_camera.h"
 #include "server/pipeline/subject_control.h"
 #include "server/pipeline/tracking/scene_tracker.h"
+#include "server/silhouettes/mask_box.h"
 
 namespace kinevox {
 namespace {
@@ -18,12 +21,65 @@ constexpr std::size_t kFirstObservations = 8;  // of it, at the shorter interval
 constexpr double kMinGroup_m = 0.7;            // extent of two people's volume
 constexpr double kApart_m = 0.2;  // between two subjects' boxes, if neither has cells of the other
 
+// Of a new subject's pixels in a view, those that no other explains. Of a ghost there are hardly any; who is
+// half hidden in all views has a few in many.
+constexpr double kClearlyNew = 0.35, kPartlyNew = 0.2;
+constexpr int kMinClearViews = 2, kMinPartViews = 3;
+
 bool are_beside(const CellStatistics& a, const CellStatistics& b) {
     return a.min_in_world.x < b.max_in_world.x + kApart_m && a.max_in_world.x > b.min_in_world.x - kApart_m &&
            a.min_in_world.y < b.max_in_world.y + kApart_m && a.max_in_world.y > b.min_in_world.y - kApart_m;
 }
 
 }  // namespace
+
+// Whether this part explains pixels of the silhouettes that nothing else does; if so, adds its projection to
+// `explained`.
+SceneTracker::Need SceneTracker::need_of(const Cells& part, const SilhouettesByCamera& silhouettes,
+                                         std::vector<std::vector<std::uint8_t>>& explained) const {
+    const kernels::VoxelVolume volume = grid_.volume_of(part);
+    std::vector<std::vector<std::uint8_t>> masks(cameras_.size());
+    std::vector<kernels::Rect> boxes(cameras_.size());
+    std::vector<double> fraction(cameras_.size(), 0);
+    for_each_camera(cameras_.size(), [&](std::size_t c) {
+        if (!silhouettes[c] || silhouettes[c]->sharp.empty()) return;
+        const kernels::Silhouettes& seen = *silhouettes[c];
+        masks[c].resize(seen.sharp.size());
+        const float still[3] = {0, 0, 0};
+        kernels::Rect& box = boxes[c];
+        kernels::project_volume(volume, models_[c], still, 1, masks[c].data(), box);
+        std::int64_t inside = 0, more = 0;
+        for (int y = box.y0; y < box.y1; ++y)
+            for (int x = box.x0; x < box.x1; ++x) {
+                const std::size_t at = static_cast<std::size_t>(y) * seen.width + x;
+                if (!masks[c][at] || !seen.sharp[at]) continue;
+                ++inside;
+                more += !explained[c][at];
+            }
+        if (inside > 0) fraction[c] = static_cast<double>(more) / static_cast<double>(inside);
+    });
+    const auto views_above = [&](double limit) {
+        return std::ranges::count_if(fraction, [&](double f) { return f >= limit; });
+    };
+    // An arm or half a person is needed only by the views that do not show the rest.
+    const CellStatistics s = grid_.statistics(part);
+    const std::ptrdiff_t images = std::ranges::count_if(silhouettes, [](const auto* each) { return each; });
+    const bool whole = s.litres >= kMinTrunk_litres && !lacks_legs(s);
+    if (views_above(kPartlyNew) < std::min<std::ptrdiff_t>(kMinPartViews, images) &&
+        !(whole && views_above(kClearlyNew) >= kMinClearViews))
+        return Need::kNone;
+    for (std::size_t c = 0; c < cameras_.size(); ++c)
+        add_box(masks[c], cameras_[c].width, boxes[c], explained[c]);
+    return views_above(kClearlyNew) > kMinClearViews ? Need::kManyViews : Need::kSomeViews;
+}
+
+// Who is not certain yet keeps their cells in the next frame set: a subject beside would grow into them.
+void SceneTracker::keep_beside(const Cells& person) {
+    if (grid_.statistics(person).litres < kMinTrunk_litres) return;
+    std::erase_if(beside_,
+                  [&](const Cells& each) { return std::ranges::find(person, each.front()) != person.end(); });
+    beside_.push_back(person);
+}
 
 // This part as a newcomer, with what is pending near it.
 SceneTracker::Pending SceneTracker::continued(const Cells& person) const {

@@ -23,13 +23,9 @@ constexpr double kBeside_m = 0.2;     // between a subject's largest part and it
 constexpr double kMinPerson_litres = 20, kMaxPerson_litres = 1000;
 constexpr double kMinUprightTop_m = 1.0;
 constexpr double kMinLyingLength_m = 0.7;
-constexpr double kTall_m = 1.3;  // of most people who stand, and of little furniture
 constexpr double kMinSubject_litres = 8;
 constexpr double kMaxPassInterval_s = 0.15;  // of whole images, so that a newcomer is found soon
 constexpr std::size_t kMaxPeople = 32;       // tracked, followed or not
-constexpr double kMinNewFraction = 0.35;     // of a new subject's pixels that no other explains, in a view
-constexpr int kMinNewViews = 2;              // with such pixels
-constexpr int kManyNewViews = 3;             // which start the first subjects at once
 constexpr double kCentreStd_m = 0.03;
 constexpr double kUsualGain = 0.1;  // of a frame set on the usual volume
 
@@ -275,7 +271,7 @@ void SceneTracker::adopt_small_parts() {
 // Whether a part has the size of a person who stands or walks.
 bool SceneTracker::is_upright(const CellStatistics& s) {
     return s.litres >= kMinPerson_litres && s.max_in_world.z >= kMinUprightTop_m &&
-           s.min_in_world.z <= kMaxUprightBottom_m;
+           (s.min_in_world.z <= kMaxUprightBottom_m || lacks_legs(s));
 }
 
 // Who enters is upright; the first subject may lie or crouch from the start.
@@ -286,38 +282,6 @@ bool SceneTracker::may_start(const Cells& part) const {
     const Vec3 extent = s.max_in_world - s.min_in_world;
     return subjects_.empty() && s.litres >= kMinPerson_litres &&
            std::max({extent.x, extent.y, extent.z}) >= kMinLyingLength_m;
-}
-
-// The number of silhouettes of which this part explains pixels that nothing else does; if there are enough,
-// adds its projection to `explained`.
-int SceneTracker::views_that_need(const Cells& part, const SilhouettesByCamera& silhouettes,
-                                  std::vector<std::vector<std::uint8_t>>& explained) const {
-    const kernels::VoxelVolume volume = grid_.volume_of(part);
-    std::vector<std::vector<std::uint8_t>> masks(cameras_.size());
-    std::vector<kernels::Rect> boxes(cameras_.size());
-    std::vector<char> needed(cameras_.size(), 0);
-    for_each_camera(cameras_.size(), [&](std::size_t c) {
-        if (!silhouettes[c] || silhouettes[c]->sharp.empty()) return;
-        const kernels::Silhouettes& seen = *silhouettes[c];
-        masks[c].resize(seen.sharp.size());
-        const float still[3] = {0, 0, 0};
-        kernels::Rect& box = boxes[c];
-        kernels::project_volume(volume, models_[c], still, 1, masks[c].data(), box);
-        std::int64_t inside = 0, more = 0;
-        for (int y = box.y0; y < box.y1; ++y)
-            for (int x = box.x0; x < box.x1; ++x) {
-                const std::size_t at = static_cast<std::size_t>(y) * seen.width + x;
-                if (!masks[c][at] || !seen.sharp[at]) continue;
-                ++inside;
-                more += !explained[c][at];
-            }
-        needed[c] = inside > 0 && static_cast<double>(more) >= kMinNewFraction * static_cast<double>(inside);
-    });
-    const auto views = static_cast<int>(std::ranges::count(needed, 1));
-    if (views < kMinNewViews) return views;
-    for (std::size_t c = 0; c < cameras_.size(); ++c)
-        add_box(masks[c], cameras_[c].width, boxes[c], explained[c]);
-    return views;
 }
 
 Event SceneTracker::event(EventKind kind, const std::string& what, const Subject& subject,
@@ -367,7 +331,7 @@ void SceneTracker::find_new(std::int64_t time_ns, const SilhouettesByCamera& sil
     if (!people.empty()) {
         // The first gets the lowest id, and is followed first: rather a person than a chair.
         std::ranges::stable_sort(people, std::ranges::greater{}, [&](const Cells& part) {
-            return std::pair(grid_.statistics(part).max_in_world.z >= kTall_m, part.size());
+            return std::pair(grid_.statistics(part).max_in_world.z >= kTallPerson_m, part.size());
         });
         std::vector<kernels::VoxelVolume> known;
         for (const Subject& subject : subjects_) known.push_back(grid_.volume_of(subject.cells));
@@ -384,14 +348,16 @@ void SceneTracker::find_new(std::int64_t time_ns, const SilhouettesByCamera& sil
         });
         for (const Cells& person : people) {
             if (subjects_.size() >= kMaxPeople) break;
-            const int views = views_that_need(person, silhouettes, explained);
-            if (views < kMinNewViews) continue;
+            const Need need = need_of(person, silhouettes, explained);
+            if (need == Need::kNone) continue;
             const Pending newcomer = continued(person);
             std::optional<Recognition> known;
-            if (decide(newcomer, first && views >= kManyNewViews, time_ns, known))
+            if (decide(newcomer, first && need == Need::kManyViews, time_ns, known))
                 start(person, known, time_ns);
-            else
+            else {
                 still_pending_.push_back(newcomer);
+                keep_beside(person);
+            }
         }
     }
     std::swap(pending_, still_pending_);

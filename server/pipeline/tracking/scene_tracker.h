@@ -114,8 +114,9 @@ class SceneTracker {
         int frames = 0;
         Appearance appearance;  // sum of them
     };
-    static constexpr double kMaxGrowthRatio = 1.5;        // of a person's volume
-    static constexpr std::uint8_t kNewcomersLabel = 253;  // above those of subjects
+    enum class Need : std::uint8_t { kNone, kSomeViews, kManyViews };  // of the silhouettes for a newcomer
+    static constexpr double kMaxGrowthRatio = 1.5;                     // of a person's volume
+    static constexpr std::uint8_t kNewcomersLabel = 253;               // above those of subjects
     using SilhouettesByCamera = std::vector<const kernels::Silhouettes*>;
 
     void look_at(const SilhouettesByCamera& silhouettes, std::span<const kernels::ImageView> images);
@@ -131,8 +132,9 @@ class SceneTracker {
     static bool is_upright(const CellStatistics& part);
     bool is_upright(const Cells& part) const { return is_upright(grid_.statistics(part)); }
     bool may_start(const Cells& part) const;
-    int views_that_need(const Cells& part, const SilhouettesByCamera& silhouettes,
-                        std::vector<std::vector<std::uint8_t>>& explained) const;
+    Need need_of(const Cells& part, const SilhouettesByCamera& silhouettes,
+                 std::vector<std::vector<std::uint8_t>>& explained) const;
+    void keep_beside(const Cells& person);
     void find_new(std::int64_t time_ns, const SilhouettesByCamera& silhouettes);
     Pending continued(const Cells& person) const;
     bool decide(const Pending& newcomer, bool certain, std::int64_t time_ns,

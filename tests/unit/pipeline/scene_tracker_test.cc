@@ -248,6 +248,65 @@ TEST(SceneTracker, KeepsSubjectWholeWhomAGapDivides) {
     }
 }
 
+// Trousers in the colour of the floor: only trunk and head are seen.
+TEST(SceneTracker, FindsPersonWhoseLegsAreMissing) {
+    People people(4);
+    const Vec3 at{-0.7, -0.8, 0};
+    std::vector<Ellipsoid> bodies = people_at({{0.9, 0.3, 0}});
+    for (int n = 0; n < 4; ++n) people.show_bodies(bodies);
+    bodies.push_back({{at.x, at.y, 1.25}, {0.26, 0.22, 0.4}});
+    bodies.push_back({{at.x, at.y, 1.65}, {0.1, 0.1, 0.15}});
+    SceneUpdate update;
+    for (int n = 0; n < 8; ++n) update = people.show_bodies(bodies);
+    ASSERT_NE(People::id_at(update, {at.x, at.y, 1.1}), 0u);
+    for (const SceneSubject& subject : update.subjects) {
+        ASSERT_TRUE(subject.lattice.has_value());
+        EXPECT_LE(subject.lattice->origin[2], 0) << "the legs are searched for";
+    }
+}
+
+// A raised arm is not a person without legs.
+TEST(SceneTracker, StartsNoSubjectInPartWithoutATrunk) {
+    People people(4);
+    std::vector<Ellipsoid> bodies = people_at({{0.9, 0.3, 0}});
+    bodies.push_back({{-0.7, -0.8, 1.4}, {0.1, 0.1, 0.4}});
+    SceneUpdate update;
+    for (int n = 0; n < 8; ++n) update = people.show_bodies(bodies);
+    EXPECT_THAT(update.subjects, SizeIs(1));
+}
+
+// Who crouches has no second trunk by which the volumes of both could be divided later.
+TEST(SceneTracker, KeepsNewcomerApartWhoSoonTouchesASubject) {
+    People people(4);
+    const Vec3 at{0.1, 0.2, 0}, beside{0.85, 0.2, 0};
+    for (int n = 0; n < 10; ++n) people.show({at});
+    std::vector<Ellipsoid> bodies = people_at({at});
+    bodies.push_back({{beside.x, beside.y, 0.52}, {0.25, 0.25, 0.52}});
+    SceneUpdate update;
+    for (int n = 0; n < 6 && people.tracker().newcomers() == 0; ++n) update = people.show_bodies(bodies);
+    ASSERT_THAT(update.subjects, SizeIs(1)) << "not certain yet";
+    bodies.push_back({{0.45, 0.2, 0.8}, {0.25, 0.08, 0.08}});  // an arm
+    for (int n = 0; n < 6; ++n) update = people.show_bodies(bodies);
+    ASSERT_THAT(update.subjects, SizeIs(2));
+    EXPECT_EQ(People::id_at(update, at), 1u);
+    EXPECT_EQ(People::id_at(update, beside), 2u);
+}
+
+// Three cameras look across the room: its other end is far behind the wall.
+TEST(SceneTracker, FindsPersonAtTheEndWhereTheCamerasStand) {
+    const Vec3 at{2.75, 0, 0};
+    std::vector<Camera> cameras;
+    for (const auto& [eye, target] : {std::pair{Vec3{4, 2, 1.5}, Vec3{-1, 0, 1}},
+                                      {Vec3{4, 0, 1.5}, Vec3{-1, 0, 1}},
+                                      {Vec3{4, -2, 1.5}, Vec3{-1, 0, 1}},
+                                      {Vec3{-3, 0, 2.2}, Vec3{1, 0, 0.8}}})
+        cameras.push_back(camera_at(fmt::format("camera_{}", cameras.size()), eye, target, 320, 240, 180));
+    People people(4, cameras);
+    SceneUpdate update;
+    for (int n = 0; n < 4; ++n) update = people.show({at});
+    EXPECT_EQ(People::id_at(update, at), 1u);
+}
+
 // As white images show it.
 TEST(SceneTracker, TakesNothingLargerThanPeopleForSubject) {
     People people(4);
