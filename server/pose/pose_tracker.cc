@@ -56,9 +56,11 @@ constexpr double kMirroredSlack = 10;
 // Live, a fit from another start that costs less than this more is another reading of the silhouettes.
 constexpr double kConceivable = 36;
 // Live, a pose is searched from the beginning if the searches of limbs leave so much less explained than
-// usual, and this number of a camera's rays unexplained.
+// usual, and this number of a camera's rays unexplained; or if they explain less than good poses, which are
+// at .9 to 1 (bodies upside down: .6 to .75).
 constexpr double kDoubtfulFraction = 0.08;
 constexpr int kDoubtfulRays = 15;
+constexpr double kPoorlyExplained = 0.8;
 constexpr double kDoubtInterval_s = 0.3;  // after a search in vain
 constexpr double kSame_m = 0.06;          // hypotheses with a smaller mean joint distance are merged
 
@@ -441,9 +443,11 @@ void PoseTracker::check_turned(Hypothesis& h, std::span<const SilhouetteRays> vi
 void PoseTracker::check_doubtful(Hypothesis& h, std::span<const SilhouetteRays> views, Vec3 centre,
                                  double seconds) {
     doubt_wait_s_ -= seconds;
-    if (doubt_wait_s_ > 0 || shows_others(views) || h.fit.unexplained < kDoubtfulRays ||
-        h.fit.explained >= usual_explained_ - kDoubtfulFraction)
-        return;
+    if (doubt_wait_s_ > 0) return;
+    // Among others, limbs that no search finds may be theirs; a body that explains little is wrong anyway.
+    const bool limbs_are_missing = !shows_others(views) && h.fit.unexplained >= kDoubtfulRays &&
+                                   h.fit.explained < usual_explained_ - kDoubtfulFraction;
+    if (!limbs_are_missing && h.fit.explained >= kPoorlyExplained) return;
     std::vector<Hypothesis> found = found_at(centre, views, {});
     const auto best = std::ranges::min_element(found, {}, &Hypothesis::cost);
     Workspace& work = workspaces_.front();

@@ -25,11 +25,10 @@ std::int64_t nanoseconds(double seconds) {
 }  // namespace
 
 bool may_lack_parts(std::span<const Cause> causes) {
-    // camera_time, floor_height and scale are also what missing legs or trunks look like; who is cut by an
-    // image border may lack parts elsewhere.
+    // The last three are also what missing legs or trunks look like.
     static constexpr std::string_view kMissingParts[] = {"silhouettes",  "withheld",    "background_occupied",
                                                          "still_object", "camera_time", "floor_height",
-                                                         "scale",        "out_of_view"};
+                                                         "scale"};
     return causes.empty() ||
            std::ranges::find(kMissingParts, causes.front().cause) != std::end(kMissingParts);
 }
