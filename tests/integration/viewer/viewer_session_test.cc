@@ -98,7 +98,8 @@ TEST_F(ViewerSessionTest, ShowsSeveralAthletesAndSelectsOne) {
     scene.update();
     QTest::qWait(300);
     const auto pixel_of_subject = [&](std::uint32_t id) {
-        const ShownSubject* subject = window_->feed().volume()->subject(id);
+        const auto volume = window_->feed().volume();  // another thread replaces it at any time
+        const ShownSubject* subject = volume->subject(id);
         return subject ? pixel_of(subject->centre_in_world) : QPoint();
     };
     EXPECT_TRUE(wait([&] {
