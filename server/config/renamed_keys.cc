@@ -29,6 +29,7 @@ std::span<const RenamedKey> renamed_config_keys() {
         {"source.cameras.camera.offset_px", "source.cameras.camera.sensor_offset_px"},
         {"segmentation.samples", "segmentation.background_samples"},
         {"segmentation.stored_background", "segmentation.background_folder"},
+        {"tracking.confirm_frames", "tracking.confirm_s"},
         {"pose.body", "pose.body_file"},
         {"pose.fit_body", "pose.auto_fit_body"},
         {"pose.fitted_body", "pose.fitted_body_file"},

@@ -82,16 +82,16 @@ void SceneTracker::keep_beside(const Cells& person) {
 }
 
 // This part as a newcomer, with what is pending near it.
-SceneTracker::Pending SceneTracker::continued(const Cells& person) const {
-    Pending now{grid_.statistics(person).centre_in_world, 1, {}};
+SceneTracker::Pending SceneTracker::continued(const Cells& person, std::int64_t time_ns) const {
+    Pending now{grid_.statistics(person).centre_in_world, time_ns, {}};
     if (!views_.empty()) now.appearance = appearance_of(grid_, person, views_);
     const Pending* longest = nullptr;
     for (const Pending& before : pending_)
         if (norm(before.centre_in_world - now.centre_in_world) < kMaxPendingJump_m &&
-            (!longest || before.frames > longest->frames))
+            (!longest || before.since_ns < longest->since_ns))
             longest = &before;
     if (!longest) return now;
-    now.frames = longest->frames + 1;
+    now.since_ns = std::min(longest->since_ns, time_ns);
     add_appearance(now.appearance, longest->appearance);
     return now;
 }
@@ -100,7 +100,8 @@ SceneTracker::Pending SceneTracker::continued(const Cells& person) const {
 bool SceneTracker::decide(const Pending& newcomer, bool certain, std::int64_t time_ns,
                           std::optional<Recognition>& known) const {
     known.reset();
-    if (!certain && newcomer.frames < options_.confirm_frames) return false;
+    const double pending_s = 1e-9 * static_cast<double>(time_ns - newcomer.since_ns);
+    if (!certain && pending_s < options_.confirm_s) return false;
     std::vector<std::uint32_t> present;
     // A track may stray to a ghost or to a person beside, while its own person appears as a newcomer.
     for (const Subject& subject : subjects_)
@@ -112,7 +113,7 @@ bool SceneTracker::decide(const Pending& newcomer, bool certain, std::int64_t ti
     if (views_.empty() || !memory_.knows_absent(present, since_ns)) return true;
     known = memory_.recognise(newcomer.appearance, newcomer.centre_in_world, time_ns, present, since_ns);
     if (!known || known->probability >= SubjectMemory::kMinProbability) return true;
-    const bool may_wait = newcomer.frames < options_.confirm_frames + kMaxUndecided_s * fps_;
+    const bool may_wait = pending_s < options_.confirm_s + kMaxUndecided_s;
     if (may_wait && known->probability >= SubjectMemory::kMinPossible) return false;
     known.reset();
     return true;

@@ -350,7 +350,7 @@ void SceneTracker::find_new(std::int64_t time_ns, const SilhouettesByCamera& sil
             if (subjects_.size() >= kMaxPeople) break;
             const Need need = need_of(person, silhouettes, explained);
             if (need == Need::kNone) continue;
-            const Pending newcomer = continued(person);
+            const Pending newcomer = continued(person, time_ns);
             std::optional<Recognition> known;
             if (decide(newcomer, first && need == Need::kManyViews, time_ns, known))
                 start(person, known, time_ns);

@@ -111,8 +111,8 @@ class SceneTracker {
     };
     struct Pending {  // may be a new subject
         Vec3 centre_in_world;
-        int frames = 0;
-        Appearance appearance;  // sum of them
+        std::int64_t since_ns = 0;
+        Appearance appearance;  // sum since then
     };
     enum class Need : std::uint8_t { kNone, kSomeViews, kManyViews };  // of the silhouettes for a newcomer
     static constexpr double kMaxGrowthRatio = 1.5;                     // of a person's volume
@@ -136,7 +136,7 @@ class SceneTracker {
                  std::vector<std::vector<std::uint8_t>>& explained) const;
     void keep_beside(const Cells& person);
     void find_new(std::int64_t time_ns, const SilhouettesByCamera& silhouettes);
-    Pending continued(const Cells& person) const;
+    Pending continued(const Cells& person, std::int64_t time_ns) const;
     bool decide(const Pending& newcomer, bool certain, std::int64_t time_ns,
                 std::optional<Recognition>& known) const;
     void remember(std::int64_t time_ns);

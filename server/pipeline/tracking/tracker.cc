@@ -58,7 +58,7 @@ Tracker::Tracker(std::vector<Camera> cameras, double fps, const TrackerOptions& 
 
 void Tracker::reset() {
     tracking_ = false;
-    frames_seen_ = 0;
+    first_seen_ns_.reset();
     for (CameraState& state : camera_states_) state = {};
 }
 
@@ -217,7 +217,7 @@ void Tracker::place_lattice(const std::vector<std::optional<Blob>>& chosen, Trac
 }
 
 void Tracker::handle_miss(std::uint64_t sequence, std::int64_t time_ns, TrackerUpdate& update) {
-    frames_seen_ = 0;
+    first_seen_ns_.reset();
     if (!tracking_) return;
     if (1e-9 * static_cast<double>(time_ns - last_measured_ns_) <= options_.lost_after_s) {
         update.subject = SubjectTrack{subject_id_, filter_.centre_in_world(), filter_.velocity_in_world(),
@@ -257,10 +257,12 @@ TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
     else
         found = find_intersection(blobs, chosen);
     const bool seen = found && found->score >= options_.min_score;
-    if (seen && !tracking_) ++frames_seen_;
-    const double undecided = newcomer.undecided ? kMaxUndecided_s * fps_ : 0;
-    const bool certain = found && found->score >= options_.confirm_score && undecided == 0;
-    if (!seen || (!tracking_ && !certain && frames_seen_ < options_.confirm_frames + undecided)) {
+    const std::int64_t first_seen_ns = std::min(first_seen_ns_.value_or(time_ns), time_ns);
+    if (seen && !tracking_) first_seen_ns_ = first_seen_ns;
+    const double seen_s = 1e-9 * static_cast<double>(time_ns - first_seen_ns);
+    const double undecided_s = newcomer.undecided ? kMaxUndecided_s : 0;
+    const bool certain = found && found->score >= options_.confirm_score && undecided_s == 0;
+    if (!seen || (!tracking_ && !certain && seen_s < options_.confirm_s + undecided_s)) {
         if (!seen) handle_miss(sequence, time_ns, update);
         report_cameras(sequence, time_ns, update);
         return update;
@@ -288,7 +290,7 @@ TrackerUpdate Tracker::update(std::uint64_t sequence, std::int64_t time_ns,
     } else {
         filter_.correct(found->point_in_world, found->covariance_m2);
     }
-    frames_seen_ = 0;
+    first_seen_ns_.reset();
     last_time_ns_ = last_measured_ns_ = time_ns;
     update.subject = SubjectTrack{
         subject_id_, found->point_in_world, filter_.velocity_in_world(), filter_.centre_std_m(), {}};

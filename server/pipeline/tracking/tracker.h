@@ -36,7 +36,7 @@ struct TrackerOptions {
     double full_pass_interval_s = 0.5;
     double lost_after_s = 0.5;
     double confirm_score = 1.6;
-    int confirm_frames = 3;
+    double confirm_s = 0.06;
     double min_score = 0.7;
     int report_after_frames = 5;
     // Silhouettes carry no depth: their rays intersect beside the centre of a body that is long towards a
@@ -81,8 +81,9 @@ void visit_options(T& o, F&& f) {
     f({"lost_after_s", 1e-3, 60, "s", "Time without a measurement until the subject is lost."},
       o.lost_after_s);
     f({"confirm_score", 0, 1000, "", "Score at which a subject is tracked at once."}, o.confirm_score);
-    f({"confirm_frames", 1, 1000, "frame sets", "Consecutive frame sets that confirm a lower score."},
-      o.confirm_frames);
+    f({"confirm_s", 0, 60, "s",
+       "Time in which all frame sets show a subject, until it is tracked with a lower score."},
+      o.confirm_s);
     f({"min_score", 0, 1000, "", "Minimum score of a subject."}, o.min_score);
     f({"report_after_frames", 1, 1000, "frame sets",
        "Consecutive frame sets after which an excluded or included camera is reported."},
@@ -122,7 +123,7 @@ struct TrackerUpdate {
     std::vector<Event> events;
 };
 
-// Beyond the frame sets that confirm a subject, while it is undecided who it is.
+// Beyond the time that confirms a subject, while it is undecided who it is.
 constexpr double kMaxUndecided_s = 0.2;
 
 // Who may be found while no subject is tracked.
@@ -198,7 +199,7 @@ class Tracker {
     std::vector<CameraState> camera_states_;
     CentreFilter filter_;
     bool tracking_ = false;
-    int frames_seen_ = 0;  // consecutive, while a subject is not confirmed yet
+    std::optional<std::int64_t> first_seen_ns_;  // of a subject that is not confirmed yet
     std::uint32_t subject_id_ = 0, last_id_ = 0;
     std::int64_t last_time_ns_ = 0;  // of the filter's state
     std::int64_t last_measured_ns_ = 0;

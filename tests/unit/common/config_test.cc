@@ -165,14 +165,14 @@ TEST(Config, ReadsDeviceNamesAndRefusesOthers) {
 
 TEST(Config, ReadsOptionsOfEveryPart) {
     const auto config = parse_config_toml(
-        "[segmentation]\nloose_threshold = 0.25\n[tracking]\nconfirm_frames = 4\n[hull]\nmin_views = 3\n"
+        "[segmentation]\nloose_threshold = 0.25\n[tracking]\nconfirm_s = 0.1\n[hull]\nmin_views = 3\n"
         "[colouring]\nnoise_grey = 5\n[pose]\nfiltered = false\n[pose.fit]\nwide_steps = 2\n",
         "/", "probe", false);
     ASSERT_TRUE(config.ok()) << config.status();
     const auto options = pipeline_options(*config);
     ASSERT_TRUE(options.ok()) << options.status();
     EXPECT_EQ(options->segmentation.loose_threshold, 0.25f);
-    EXPECT_EQ(options->tracker.confirm_frames, 4);
+    EXPECT_EQ(options->tracker.confirm_s, 0.1);
     EXPECT_EQ(options->hull.min_views, 3);
     EXPECT_EQ(options->colour.noise_grey, 5);
     EXPECT_FALSE(options->posing.filtered);

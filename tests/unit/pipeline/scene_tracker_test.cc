@@ -45,19 +45,21 @@ TrackerOptions for_people(int max_subjects) {
 // Gives a tracker the silhouettes of a scene frame by frame.
 class People {
   public:
-    explicit People(int max_subjects, std::vector<Camera> cameras = four_cameras())
-        : People(for_people(max_subjects), std::move(cameras)) {}
-    explicit People(const TrackerOptions& options, std::vector<Camera> cameras = four_cameras())
+    explicit People(int max_subjects, std::vector<Camera> cameras = four_cameras(), double fps = kPeopleFps)
+        : People(for_people(max_subjects), std::move(cameras), fps) {}
+    explicit People(const TrackerOptions& options, std::vector<Camera> cameras = four_cameras(),
+                    double fps = kPeopleFps)
         : cameras_(cameras),
+          fps_(fps),
           control_(options.max_subjects),
-          tracker_(std::move(cameras), kPeopleFps, options, &control_) {}
+          tracker_(std::move(cameras), fps, options, &control_) {}
 
     SceneUpdate show(const std::vector<Vec3>& floor_points, std::span<const kernels::ImageView> images = {}) {
         return show_bodies(people_at(floor_points), images);
     }
     SceneUpdate show_bodies(const std::vector<Ellipsoid>& bodies,
                             std::span<const kernels::ImageView> images = {}) {
-        const auto time_ns = static_cast<std::int64_t>(std::llround(1e9 * frame_ / kPeopleFps));
+        const auto time_ns = static_cast<std::int64_t>(std::llround(1e9 * frame_ / fps_));
         tracker_.predict(time_ns);
         std::vector<kernels::Silhouettes> made;
         for (const Camera& camera : cameras_) made.push_back(silhouettes_of(camera, bodies));
@@ -85,6 +87,7 @@ class People {
 
   private:
     std::vector<Camera> cameras_;
+    double fps_;
     SubjectControl control_;
     SceneTracker tracker_;
     int frame_ = 0;
@@ -173,6 +176,19 @@ TEST(SceneTracker, ReportsWhoEntersAndLeaves) {
     EXPECT_THAT(lost, ElementsAre(2u));
     ASSERT_THAT(update.subjects, SizeIs(1));
     EXPECT_EQ(update.subjects[0].track.subject_id, 1u);
+}
+
+// The same at each rate.
+TEST(SceneTracker, ConfirmsNewcomerInTime) {
+    constexpr double kConfirm_s = TrackerOptions().confirm_s, kPassInterval_s = 0.15;
+    for (const double fps : {10.0, 15.0, 30.0, 120.0}) {
+        People people(4, four_cameras(), fps);
+        for (int n = 0; n < fps; ++n) people.show({{0.9, 0.3, 0}});
+        int frames = 0;
+        while (frames < fps && people.show({{0.9, 0.3, 0}, {-0.7, -0.8, 0}}).subjects.size() < 2) ++frames;
+        EXPECT_GE(frames / fps, kConfirm_s) << fps;
+        EXPECT_LE(frames / fps, kConfirm_s + kPassInterval_s + 1.5 / fps) << fps;
+    }
 }
 
 // The events' texts of a kind.
