@@ -427,9 +427,13 @@ void PoseTracker::check_turned(Hypothesis& h, std::span<const SilhouetteRays> vi
     PoseFit fit = work.fitter.fit(*model_, views, turned(*model_, h.posture), nullptr, true);
     fit = work.fitter.fit(*model_, views, fit.posture, nullptr, true);
     const double gain = free_fit(work, h, views, h.posture).cost - fit.at.cost;
+    const double before = turned_ ? turned_->cost_above : -gain;
+    turned_ = {fit.posture, kTurnMemory * before - (1 - kTurnMemory) * gain};
+    turned_->posture.root_in_world = fit.posture.root_in_world - h.posture.root_in_world;
     turn_evidence_ = std::max(0.0, kTurnMemory * turn_evidence_ + gain);
     if (turn_evidence_ < kTurnEvidence || gain <= 0) return;
     turn_evidence_ = 0;
+    turned_.reset();
     replace(h, std::move(fit));
     // The trunk's twist and the limbs were found for the other body.
     BodyPosture straight = h.posture;
@@ -490,6 +494,10 @@ TrackedPosture PoseTracker::best() const {
             for (const int s : {arm.upper, arm.lower, arm.end})
                 tracked.around.back().posture.parent_from_segment[s] = moved.posture.parent_from_segment[s];
         }
+    if (is_live() && turned_) {
+        tracked.around.push_back(*turned_);
+        tracked.around.back().posture.root_in_world += first.fit.posture.root_in_world;
+    }
     for (std::size_t k = 1; k < hypotheses_.size(); ++k)
         tracked.alternatives.push_back(hypotheses_[k].fit.posture);
     return tracked;
@@ -530,7 +538,10 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
         lost_s_ = usual_explained_ = 0;
         usual_unexplained_ = hypotheses_.front().fit.unexplained;
         usual_interval_s_ = seconds;
-        turn_wait_s_ = kTurnInterval_s, turn_evidence_ = doubt_wait_s_ = 0;
+        turn_wait_s_ = is_live() ? 0 : kTurnInterval_s;
+        turn_evidence_ = doubt_wait_s_ = 0;
+        turned_.reset();
+        if (is_live()) check_turned(hypotheses_.front(), views, 0);
     } else {
         for (Hypothesis& h : hypotheses_) follow(h, views, seconds);
         // A search of a whole limb takes as long as several fits: it runs only if less is explained than

@@ -27,7 +27,7 @@ struct JudgedPosture {
 struct TrackedPosture {
     PoseFit fit;
     std::vector<BodyPosture> alternatives;  // also considered in this frame set
-    std::vector<JudgedPosture> around;      // with an arm that is elsewhere
+    std::vector<JudgedPosture> around;      // with an arm that is elsewhere, or facing the other way
     double seconds = 0;                     // since it was found
 };
 
@@ -43,6 +43,7 @@ class PoseTracker {
     void set_model(std::shared_ptr<const BodyModel> model) {
         model_ = std::move(model);
         model_changed_ = tracking();
+        turned_.reset();
     }
     const BodyModel& model() const { return *model_; }
     void set_standing(double standing_m);  // as in PoseCostOptions
@@ -142,6 +143,7 @@ class PoseTracker {
     double usual_unexplained_ = 0;  // see PoseFit::unexplained
     double usual_interval_s_ = 0;
     double turn_wait_s_ = 0, turn_evidence_ = 0;  // of check_turned()
+    std::optional<JudgedPosture> turned_;         // of its last fit, its root from the tracked one, mean cost
     double doubt_wait_s_ = 0;                     // of check_doubtful()
     std::vector<Hypothesis> hypotheses_;          // the best one first
     std::int64_t last_time_ns_ = 0;

@@ -230,7 +230,7 @@ TEST(PoseTracker, TurnsABodyThatStartedTheWrongWay) {
     truth[5] = radians(180);  // the only heading that the tracker tries is 0
     truth[kDofKneeL] = truth[kDofHipL] = truth[kDofShoulderR] = truth[kDofElbowR] = 0;
     truth[kDofShoulderR + 1] = radians(-35);
-    PoseTracker tracker(kFps, {.headings = 1, .starts = 1, .hypotheses = 1});
+    PoseTracker tracker(kFps, {.headings = 1, .starts = 1, .hypotheses = 1, .always_search_limbs = true});
     tracker.set_model(scene.model);
     std::optional<TrackedPosture> tracked;
     for (int n = 0; n < 30; ++n) {
@@ -243,6 +243,37 @@ TEST(PoseTracker, TurnsABodyThatStartedTheWrongWay) {
     }
     ASSERT_TRUE(tracked.has_value());
     EXPECT_LT(scene.error_m(tracked->fit.posture, truth), 0.03);
+}
+
+// Later frame sets cannot correct what was sent.
+TEST(PoseTracker, LiveTurnsABodyInItsFirstFrameSet) {
+    const Scene scene;
+    BodyCoordinates truth = scene.standing();
+    truth[5] = radians(180);  // the only heading that the tracker tries is 0
+    PoseTracker tracker(30, {.headings = 1, .starts = 1, .hypotheses = 1});
+    tracker.set_model(scene.model);
+    const auto tracked = tracker.update(0, scene.see(truth), {0, 0, 0.95}, {});
+    ASSERT_TRUE(tracked.has_value());
+    EXPECT_LT(scene.error_m(tracked->fit.posture, truth), 0.03);
+}
+
+TEST(PoseTracker, LiveConsidersTheBodyThatFacesTheOtherWay) {
+    const Scene scene;
+    const BodyCoordinates truth = scene.standing();
+    const BodyCoordinates other =
+        coordinates_from_posture(turned(*scene.model, posture_from_coordinates(truth)));
+    for (const bool live : {true, false}) {
+        PoseTracker tracker(30, {.always_search_limbs = !live});
+        tracker.set_model(scene.model);
+        const auto tracked = tracker.update(0, scene.see(truth), {0, 0, 0.95}, {});
+        ASSERT_TRUE(tracked.has_value());
+        EXPECT_EQ(std::ranges::count_if(tracked->around,
+                                        [&](const JudgedPosture& reading) {
+                                            return scene.error_m(reading.posture, other) < 0.06 &&
+                                                   reading.cost_above > 0;
+                                        }),
+                  live);
+    }
 }
 
 TEST(TurnedPosture, FacesTheOtherWayAndKeepsTheEndsOfLimbs) {
