@@ -217,7 +217,7 @@ void BodyColours::learn(std::span<const Example> examples) {
 void BodyColours::add(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules) {
     cameras_.resize(std::max(cameras_.size(), views.size()));
     for (std::size_t c = 0; c < views.size(); ++c) {
-        if (!views[c].camera || views[c].colours.empty()) continue;
+        if (!views[c].camera || views[c].colours.empty() || views[c].distance.has_shared()) continue;
         const Seen seen{&views[c], capsules};
         if (cameras_[c].whole.empty()) cameras_[c].set_borders({&seen, 1});
         cameras_[c].count({&seen, 1}, kExampleMemory);

@@ -24,7 +24,8 @@ class BodyColours {
     // Replaces what was learned. A cell counts where exactly one part of the body covers it: there the part
     // is seen whether or not another one is placed right.
     void learn(std::span<const Example> examples);
-    // Adds an example of a stream to what was learned; earlier ones fade.
+    // Adds an example of a stream to what was learned; earlier ones fade. Views that show others, too, are
+    // ignored.
     void add(std::span<const SilhouetteRays> views, std::span<const BodyCapsule> capsules);
     void clear() { cameras_.clear(); }
     bool empty() const { return cameras_.empty(); }

@@ -68,7 +68,7 @@ void PoseStage::reset() {
 void PoseStage::learn_colours(std::int64_t time_ns, std::span<const SilhouetteRays> views,
                               std::span<const BodyCapsule> capsules) {
     if (!options_.filtered || std::abs(time_ns - learned_ns_) < kLearnInterval_ns ||
-        tracked_->fit.explained < kMinLearnedExplained || shows_others(views))
+        tracked_->fit.explained < kMinLearnedExplained)
         return;
     learned_ns_ = time_ns;
     colours_.add(views, capsules);

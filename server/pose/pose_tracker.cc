@@ -65,7 +65,8 @@ constexpr double kDoubtInterval_s = 0.3;  // after a search in vain
 constexpr double kSame_m = 0.06;          // hypotheses with a smaller mean joint distance are merged
 
 constexpr std::array<Limb, 2> kLimbsOfArms{Limb::kArmL, Limb::kArmR};
-constexpr double kDoubtfulMove_rad = 0.6;  // of move_arms(), as is the next line
+constexpr double kArmBetterAmongOthers = 36;  // of move_arms(), as are the next lines
+constexpr double kDoubtfulMove_rad = 0.6;
 constexpr std::array<double, 3> kArmMoves_rad{0.3, 0.15, 0.6}, kFallingArmMoves_rad{0.6, 0.3, 0.15};
 constexpr std::size_t kArmStarts = 3;       // of a search anywhere
 constexpr std::size_t kFirstArmStarts = 6;  // of that of a pose that was just found
@@ -381,7 +382,7 @@ bool PoseTracker::try_other_starts(Hypothesis& h, std::span<const SilhouetteRays
 }
 
 // Colours show where an arm before the trunk is, silhouettes hardly. Both arms are moved, and one is searched
-// anywhere. In a recording retrack() does so, and a pass moves one arm by one angle.
+// anywhere. In a recording retrack() does so, and a pass moves one arm by one angle, unless others are seen.
 void PoseTracker::move_arms(Hypothesis& h, std::span<const SilhouetteRays> views) {
     const std::size_t arm = next_move_ % kLimbsOfArms.size();
     const std::size_t angle = next_move_ / kLimbsOfArms.size() % kArmMoves_rad.size();
@@ -400,7 +401,8 @@ void PoseTracker::move_arm(Hypothesis& h, std::span<const SilhouetteRays> views,
     ArmSearch search(*model_, h.posture, kLimbsOfArms[arm], views, *colours_, options_.fit);
     search.improve(angles, max_moves);
     if (starts > 0) search.improve_anywhere(workspaces_.front().limbs, angles, max_moves, starts);
-    if (search.gain() >= (is_live() ? kClearlyBetter : kBetter)) {
+    const double gain = shows_others(views) ? kArmBetterAmongOthers : is_live() ? kClearlyBetter : kBetter;
+    if (search.gain() >= gain) {
         const BodyPosture before = std::exchange(h.posture, search.best().posture);
         h.fit.posture = h.posture;
         if (max_joint_distance(model_->forward(before).joints_in_world,
@@ -572,7 +574,7 @@ std::optional<TrackedPosture> PoseTracker::update(std::int64_t time_ns, std::spa
             check_doubtful(best, views, centre, seconds);
         }
         check_turned(best, views, seconds);
-        if (colours_ && !shows_others(views)) move_arms(best, views);
+        if (colours_ && (is_live() || !shows_others(views))) move_arms(best, views);
         choose();
         if (is_live()) turn_feet(hypotheses_.front(), views);
         usual_interval_s_ = kIntervalMemory * usual_interval_s_ + (1 - kIntervalMemory) * seconds;

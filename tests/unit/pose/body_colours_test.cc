@@ -193,6 +193,29 @@ TEST_F(BodyColoursTest, AddedExamplesCountAsLearnedOnes) {
     EXPECT_EQ(added.cost(views, right), 0);
 }
 
+// Their clothes would be learned.
+TEST_F(BodyColoursTest, AddIgnoresViewsThatShowOthers) {
+    const BodyPosture posture = posture_from_coordinates(scene_.standing());
+    const std::vector<BodyCapsule> capsules = capsules_of(posture);
+    const auto cost_after_views_with_others = [&](std::size_t with_others) {
+        std::vector<SilhouetteRays> views = see(scene_.standing());
+        for (std::size_t c = 0; c < with_others; ++c) {
+            const Picture picture = paint(scene_.cameras[c], capsules, kSkin);
+            ForegroundPart shared{std::vector<std::uint8_t>(picture.silhouettes.sharp.size(), 0),
+                                  picture.silhouettes.bounds};
+            for (int x = shared.box.x0; x < shared.box.x1; ++x)
+                shared.mask[static_cast<std::size_t>(shared.box.y0) * picture.silhouettes.width + x] = 255;
+            read_silhouette(scene_.cameras[c], picture.silhouettes, {}, views[c], {}, &shared);
+        }
+        BodyColours colours;
+        colours.add(views, capsules);
+        return colours.cost(views, capsules);
+    };
+    EXPECT_LT(cost_after_views_with_others(0), cost_after_views_with_others(1));
+    EXPECT_LT(cost_after_views_with_others(1), 0);
+    EXPECT_EQ(cost_after_views_with_others(scene_.cameras.size()), 0);
+}
+
 TEST_F(BodyColoursTest, PartialCostIsThatOfTheWholeBody) {
     const BodyColours colours = learned();
     const auto views = see(folded());
