@@ -461,6 +461,7 @@ void PoseTracker::check_doubtful(Hypothesis& h, std::span<const SilhouetteRays> 
         doubt_wait_s_ = kDoubtInterval_s;
         return;
     }
+    turned_.reset();
     replace(h, std::move(best->fit));
     search_all(work, h, views);
 }

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <numbers>
 #include <optional>
 #include <random>
 #include <string>
@@ -274,6 +275,38 @@ TEST(PoseTracker, LiveConsidersTheBodyThatFacesTheOtherWay) {
                                         }),
                   live);
     }
+}
+
+// The limbs that no search finds may be others', but not a whole body.
+TEST(PoseTracker, LiveFindsABodyAgainAmongOthersWhereItExplainsLittle) {
+    const Scene scene;
+    const BodyPosture upright = posture_from_coordinates(scene.standing());
+    BodyPosture upside_down = upright;
+    const Mat3 half_turn = rotation_from_rodrigues({std::numbers::pi, 0, 0});
+    upside_down.root_in_world = Vec3{0, 0, 1.9} + half_turn * upright.root_in_world;
+    upside_down.parent_from_segment[kPelvis] = half_turn * upright.parent_from_segment[kPelvis];
+    const auto see_beside_others = [&](const BodyPosture& posture) {
+        std::vector<SilhouetteRays> views = scene.see(posture);
+        std::vector<BodyCapsule> capsules;
+        scene.model->capsules(scene.model->forward(posture), capsules);
+        for (std::size_t c = 0; c < views.size(); ++c) {
+            const kernels::Silhouettes own = testing::silhouette_of(scene.cameras[c], capsules);
+            ForegroundPart shared{std::vector<std::uint8_t>(own.sharp.size(), 0), {0, 0, 20, 20}};
+            for (int y = 0; y < 20; ++y) std::fill_n(shared.mask.begin() + y * own.width, 20, 255);
+            read_silhouette(scene.cameras[c], own, {}, views[c], {}, &shared);
+        }
+        return views;
+    };
+    PoseTracker tracker(30);
+    tracker.set_model(scene.model);
+    const PoseCandidate start{.coordinates = coordinates_from_posture(upside_down)};
+    auto tracked = tracker.update(0, see_beside_others(upside_down), {0, 0, 0.95}, {&start, 1});
+    ASSERT_TRUE(tracked.has_value());
+    ASSERT_LT(scene.error_m(tracked->fit.posture, coordinates_from_posture(upside_down)), 0.05);
+    const auto views = see_beside_others(upright);
+    for (int n = 1; n < 10; ++n) tracked = tracker.update(n * 33'333'333LL, views, {0, 0, 0.95}, {});
+    ASSERT_TRUE(tracked.has_value());
+    EXPECT_LT(scene.error_m(tracked->fit.posture, scene.standing()), 0.03);
 }
 
 TEST(TurnedPosture, FacesTheOtherWayAndKeepsTheEndsOfLimbs) {
