@@ -286,7 +286,7 @@ TEST(PoseTracker, LiveFindsABodyAgainAmongOthersWhereItExplainsLittle) {
     upside_down.root_in_world = Vec3{0, 0, 1.9} + half_turn * upright.root_in_world;
     upside_down.parent_from_segment[kPelvis] = half_turn * upright.parent_from_segment[kPelvis];
     const auto see_beside_others = [&](const BodyPosture& posture) {
-        std::vector<SilhouetteRays> views = scene.see(posture);
+        std::vector<SilhouetteRays> views(scene.cameras.size());
         std::vector<BodyCapsule> capsules;
         scene.model->capsules(scene.model->forward(posture), capsules);
         for (std::size_t c = 0; c < views.size(); ++c) {
