@@ -29,6 +29,9 @@ constexpr double kMinHalf_litres = 8;
 constexpr double kMaxHalvesGap_m = 0.25, kMaxHalvesOverlap_m = 0.4;  // vertical
 constexpr double kMaxHalvesApart_m = 0.4;                            // of their centres, horizontal
 
+constexpr double kMaxLimb_litres = 15;  // in the hull
+constexpr double kMinLimbGap_m = 0.15;  // a smaller one may be a gap in the silhouettes of one limb
+
 }  // namespace
 
 OccupiedCells::OccupiedCells(const kernels::Lattice& lattice)
@@ -211,6 +214,22 @@ std::vector<Cells> OccupiedCells::parts(std::uint8_t label) const {
     return found;
 }
 
+OccupiedCells::Contact OccupiedCells::largest_contact(const Cells& part) const {
+    const std::uint8_t own = label_[part.front()];
+    std::array<std::int32_t, kContested> count{}, cell_of{};
+    for (const std::int32_t each : part)
+        for_each_neighbour(each, [&](std::int32_t cell) {
+            const std::uint8_t label = label_[cell];
+            if (label == kEmpty || label >= kContested || label == own) return;
+            ++count[label];
+            cell_of[label] = cell;
+        });
+    const auto largest = std::ranges::max_element(count);
+    if (*largest == 0) return {};
+    const auto label = static_cast<std::uint8_t>(largest - count.begin());
+    return {label, cell_of[label]};
+}
+
 Cells OccupiedCells::cells_of(const kernels::VoxelVolume& volume) const {
     Cells cells;
     const std::array<std::vector<int>, 3> cell = cells_along(volume.lattice);
@@ -367,6 +386,43 @@ void join_halves(const OccupiedCells& grid, std::vector<Cells>& parts) {
         parts[upper].clear();
     }
     std::erase_if(parts, [](const Cells& part) { return part.empty(); });
+}
+
+namespace {
+
+double distance_between(const OccupiedCells& grid, const Cells& a, const Cells& b) {
+    double least = std::numeric_limits<double>::infinity();
+    for (const std::int32_t i : a) {
+        const Vec3 p = grid.centre_in_world(i);
+        for (const std::int32_t j : b) least = std::min(least, norm(p - grid.centre_in_world(j)));
+    }
+    return least;
+}
+
+Cells* part_with(std::int32_t cell, std::vector<std::vector<Cells>>& parts) {
+    for (std::vector<Cells>& own : parts)
+        for (Cells& part : own)
+            if (std::ranges::find(part, cell) != part.end()) return &part;
+    return nullptr;
+}
+
+}  // namespace
+
+void return_limbs(OccupiedCells& grid, std::vector<std::vector<Cells>>& parts) {
+    const auto max_cells = static_cast<std::size_t>(kMaxLimb_litres / (1000 * std::pow(grid.cell_m(), 3)));
+    for (std::vector<Cells>& own : parts) {
+        for (std::size_t k = 1; k < own.size(); ++k) {
+            if (own[k].size() > max_cells) continue;
+            const OccupiedCells::Contact contact = grid.largest_contact(own[k]);
+            Cells* const to = part_with(contact.cell, parts);
+            if (!to || distance_between(grid, own[k], own[0]) < kMinLimbGap_m) continue;
+            grid.free(own[k]);
+            grid.give(own[k], {0, 0, 0}, contact.label);
+            to->insert(to->end(), own[k].begin(), own[k].end());
+            own[k].clear();
+        }
+        std::erase_if(own, [](const Cells& part) { return part.empty(); });
+    }
 }
 
 std::vector<Cells> split_by_trunks(const OccupiedCells& grid, const Cells& part) {

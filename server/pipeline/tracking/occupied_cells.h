@@ -48,6 +48,13 @@ class OccupiedCells {
     // first.
     std::vector<Cells> parts(std::uint8_t label) const;
 
+    // The subject whose cells touch a part the most, beside its own; kEmpty if none does. `cell`: one of them.
+    struct Contact {
+        std::uint8_t label = kEmpty;
+        std::int32_t cell = -1;
+    };
+    Contact largest_contact(const Cells& part) const;
+
     // The cells of the centres of a volume's voxels, in the order of their indices; those outside the lattice
     // are omitted.
     Cells cells_of(const kernels::VoxelVolume& volume) const;
@@ -89,6 +96,10 @@ bool lacks_legs(const CellStatistics& part);
 // Joins parts that hang in the air with what stands below them: clothes of the background's colour divide a
 // person.
 void join_halves(const OccupiedCells& grid, std::vector<Cells>& parts);
+
+// Gives a small part that is apart from the rest of its subject and touches another subject to that one: a
+// hand that passed somebody else's head. `parts`: of each subject, as OccupiedCells::parts().
+void return_limbs(OccupiedCells& grid, std::vector<std::vector<Cells>>& parts);
 
 // The people in a part, each as its share of the cells: where the part has several trunks, the cells nearest
 // to each. A part with one trunk or none is one share.

@@ -207,8 +207,12 @@ void SceneTracker::claim() {
     for (const Cells& each : beside_) grid_.give(each, {0, 0, 0}, kNewcomersLabel);
     grid_.flood(cells(kMaxGrowth_m));
     keep_newcomers();
-    for (Subject& subject : subjects_) {
-        std::vector<Cells> parts = grid_.parts(subject.label);
+    std::vector<std::vector<Cells>> parts_of;
+    for (const Subject& subject : subjects_) parts_of.push_back(grid_.parts(subject.label));
+    return_limbs(grid_, parts_of);
+    for (std::size_t n = 0; n < subjects_.size(); ++n) {
+        Subject& subject = subjects_[n];
+        std::vector<Cells>& parts = parts_of[n];
         subject.seen = false;
         if (parts.empty()) continue;
         join_halves(grid_, parts);

@@ -496,6 +496,57 @@ TEST(OccupiedCells, SharesContestedCellsBetweenNeighbours) {
     EXPECT_EQ(grid.label_at({5, 0, 1}), OccupiedCells::kEmpty);
 }
 
+// Two people, and the right one's arm; its hand has the label of the left one.
+struct TakenHand {
+    OccupiedCells grid = grid_of(1);
+    Cells hand;
+    std::vector<std::vector<Cells>> parts;
+
+    explicit TakenHand(double hand_at_x) {
+        const Cells left = column(grid, {-0.6, 0, 0}, 0.2, 0, 1.7),
+                    right = column(grid, {0.6, 0, 0}, 0.2, 0, 1.7);
+        Cells arm;
+        for (double x = hand_at_x; x <= 0.6; x += 0.04) {
+            Cells& limb = x < hand_at_x + 0.15 ? hand : arm;
+            limb = joined(limb, column(grid, {x, 0, 0}, 0.06, 1.34, 1.46));
+        }
+        grid.add(grid.volume_of(joined(joined(left, right), joined(arm, hand))));
+        grid.give(joined(left, hand), {0, 0, 0}, 1);
+        grid.give(joined(right, arm), {0, 0, 0}, 2);
+        parts = {grid.parts(1), grid.parts(2)};
+    }
+};
+
+TEST(OccupiedCells, ReturnsHandThatTouchesOnlyItsOwnArm) {
+    TakenHand people(-0.1);
+    ASSERT_THAT(people.parts[0], SizeIs(2));
+    return_limbs(people.grid, people.parts);
+    EXPECT_THAT(people.parts[0], SizeIs(1));
+    EXPECT_EQ(people.grid.parts(1), people.parts[0]);
+    ASSERT_THAT(people.parts[1], SizeIs(1));
+    EXPECT_EQ(people.grid.parts(2)[0].size(), people.parts[1][0].size());
+    EXPECT_EQ(people.grid.label_at({-0.05, 0, 1.4}), 2);
+}
+
+// It may be a shank that a gap in the silhouettes cuts off.
+TEST(OccupiedCells, KeepsPartNearTheRestOfItsSubject) {
+    TakenHand people(-0.3);
+    const auto before = people.parts;
+    ASSERT_THAT(before[0], SizeIs(2));
+    return_limbs(people.grid, people.parts);
+    EXPECT_EQ(people.parts, before);
+}
+
+TEST(OccupiedCells, KeepsPartThatTouchesNoOtherSubject) {
+    OccupiedCells grid = grid_of(1);
+    const Cells body = column(grid, {-0.6, 0, 0}, 0.2, 0, 1.7), foot = column(grid, {0, 0, 0}, 0.1, 0, 0.1);
+    grid.add(grid.volume_of(joined(body, foot)));
+    grid.give(joined(body, foot), {0, 0, 0}, 1);
+    std::vector<std::vector<Cells>> parts{grid.parts(1)};
+    return_limbs(grid, parts);
+    EXPECT_THAT(parts[0], SizeIs(2));
+}
+
 // Seen from the x axis, the body at +x hides the other one.
 TEST(SubjectViews, MarksSharedForegroundAndWhoHidesWhom) {
     const std::vector<Camera> cameras{camera_at("front", {4, 0, 1.2}, {0, 0, 1}),
