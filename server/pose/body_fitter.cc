@@ -28,7 +28,8 @@ constexpr std::size_t kHeldOutFrames = 8, kHeldOutInterval = 6;
 constexpr std::array<double, 3> kStartScales{1, 0.88, 1.14};
 constexpr double kClearlyBetter = 0.9, kCostWithoutPose = 5000;
 
-constexpr double kMinGrowth_m = 0.02;     // of the stature by legs that stand: a raised heel adds less
+// Of the stature by legs that stand: a raised heel adds hardly more than the first and less than the second.
+constexpr double kMinGrowth_m = 0.02, kMinHiddenGrowth_m = 0.05;
 constexpr double kFloatingCost = 5;       // negative log odds of a subject that stands on something invisible
 constexpr double kStandingPose_m = 0.05;  // robust kernel of standing, narrow since people jump
 
@@ -136,9 +137,12 @@ std::optional<JointFit> stand(const JointFit& floating, std::span<const Observed
     for (const std::size_t n : frames) standing.set_standing(n);
     standing.descend(2 * narrow_m, steps, 1);
     standing.descend(narrow_m, steps, independent);
-    if (standing.shape().stature_m < floating.shape().stature_m + kMinGrowth_m ||
-        standing.prior_cost() > floating.prior_cost() + kFloatingCost)
-        return std::nullopt;
+    const double growth_m = standing.shape().stature_m - floating.shape().stature_m;
+    if (growth_m < kMinGrowth_m) return std::nullopt;
+    // What keeps a body inside the silhouettes makes feet small that these do not show.
+    JointFit before = floating;
+    if (growth_m > kMinHiddenGrowth_m) before.set_usual_feet(), standing.set_usual_feet();
+    if (standing.prior_cost() > before.prior_cost() + kFloatingCost) return std::nullopt;
     return standing;
 }
 

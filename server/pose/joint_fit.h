@@ -26,6 +26,8 @@ class JointFit {
     // The same with long hair, and so with the head less far back.
     void grow_hair();
     void set_standing(std::size_t n);
+    // Feet of a usual person of this stature, for silhouettes that do not show them.
+    void set_usual_feet();
 
     const BodyShape& shape() const { return shape_; }
     const std::vector<BodyPosture>& postures() const { return postures_; }

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -42,6 +43,7 @@ class Trial {
             seen.centre_in_world = {0, 0, 0.55 * stature_m};
             seen.views = body_.see(q);
             seen_.push_back(std::move(seen));
+            coordinates_.push_back(q);
         }
     }
     PoseObservation& at(std::size_t frame) { return seen_[frame]; }
@@ -50,10 +52,21 @@ class Trial {
         for (const PoseObservation& seen : seen_) frames.push_back(&seen);
         return fit_body(body_.cameras, kRate_hz, frames, default_body_shape(), {}, options);
     }
+    // From the true postures with another body and both feet pointed.
+    std::optional<BodyFit> fit_pointed(const BodyShape& start, double ankle_deg) const {
+        std::vector<ObservedPosture> posed;
+        for (std::size_t n = 0; n < seen_.size(); ++n) {
+            BodyCoordinates q = coordinates_[n];
+            q[kDofAnkleL] = q[kDofAnkleR] = radians(ankle_deg);
+            posed.push_back({&seen_[n], posture_from_coordinates(q)});
+        }
+        return fit_lengths(posed, start, false, {});
+    }
 
   private:
     testing::SeenBody body_;
     std::vector<PoseObservation> seen_;
+    std::vector<BodyCoordinates> coordinates_;
 };
 
 TEST(BodyFit, FindsStatureFarFromStart) {
@@ -83,6 +96,19 @@ TEST(BodyFit, StandsOnFloorWhereSilhouettesLackFeet) {
     EXPECT_GT(fit->standing_m, 0);
     EXPECT_NEAR(fit->shape.stature_m, 1.85, 0.04);
     EXPECT_NEAR(leg_m(fit->shape), leg_m(default_body_shape(1.85)), 0.035);
+}
+
+// A pointed foot explains the end of a shank that is longer, and small feet stay inside the silhouettes.
+TEST(BodyFit, StandsOnUsualFeetWhereSilhouettesLackShoes) {
+    const BodyShape truth = default_body_shape(1.85);
+    BodyShape start = truth;
+    start[kThigh] -= 0.02, start[kShank] -= 0.06;
+    const auto fit = standing_trial(0, 0.1).fit_pointed(start, -60);
+    ASSERT_TRUE(fit);
+    EXPECT_GT(fit->standing_m, 0);
+    EXPECT_NEAR(fit->shape.stature_m, 1.85, 0.02);
+    EXPECT_NEAR(leg_m(fit->shape), leg_m(truth), 0.02);
+    EXPECT_NEAR(fit->shape[kAnkleToToe], truth[kAnkleToToe], 0.008);
 }
 
 TEST(BodyFit, DoesNotStretchLegsOnABox) {
