@@ -48,7 +48,8 @@ class OccupiedCells {
     // first.
     std::vector<Cells> parts(std::uint8_t label) const;
 
-    // The subject whose cells touch a part the most, beside its own; kEmpty if none does. `cell`: one of them.
+    // The subject whose cells touch a part the most, beside its own; kEmpty if none does. `cell`: one of
+    // them.
     struct Contact {
         std::uint8_t label = kEmpty;
         std::int32_t cell = -1;
@@ -98,7 +99,7 @@ bool lacks_legs(const CellStatistics& part);
 void join_halves(const OccupiedCells& grid, std::vector<Cells>& parts);
 
 // Gives a small part that is apart from the rest of its subject and touches another subject to that one: a
-// hand that passed somebody else's head. `parts`: of each subject, as OccupiedCells::parts().
+// hand that passed another person's head. `parts`: of each subject, as OccupiedCells::parts().
 void return_limbs(OccupiedCells& grid, std::vector<std::vector<Cells>>& parts);
 
 // The people in a part, each as its share of the cells: where the part has several trunks, the cells nearest
