@@ -125,6 +125,13 @@ double independent_count(const BodyShape& shape, std::span<const ObservedPosture
     return 1 + (std::max(1.0, max_count) - 1) * std::min(1.0, spread_m / kVaried_m);
 }
 
+// What keeps a body inside the silhouettes makes feet small that these do not show.
+BodyShape with_usual_feet(BodyShape shape) {
+    const BodyShape usual = default_body_shape(shape.stature_m);
+    for (const BodyLength length : {kAnkleToToe, kFootRadius}) shape[length] = usual[length];
+    return shape;
+}
+
 // Of a body that floats above the floor, the fit with its feet on it, if that is a likely body.
 std::optional<JointFit> stand(const JointFit& floating, std::span<const ObservedPosture> posed, bool stood,
                               double narrow_m, int steps, double independent) {
@@ -137,12 +144,12 @@ std::optional<JointFit> stand(const JointFit& floating, std::span<const Observed
     for (const std::size_t n : frames) standing.set_standing(n);
     standing.descend(2 * narrow_m, steps, 1);
     standing.descend(narrow_m, steps, independent);
-    const double growth_m = standing.shape().stature_m - floating.shape().stature_m;
+    BodyShape before = floating.shape(), after = standing.shape();
+    const double growth_m = after.stature_m - before.stature_m;
     if (growth_m < kMinGrowth_m) return std::nullopt;
-    // What keeps a body inside the silhouettes makes feet small that these do not show.
-    JointFit before = floating;
-    if (growth_m > kMinHiddenGrowth_m) before.set_usual_feet(), standing.set_usual_feet();
-    if (standing.prior_cost() > before.prior_cost() + kFloatingCost) return std::nullopt;
+    if (growth_m > kMinHiddenGrowth_m) before = with_usual_feet(before), after = with_usual_feet(after);
+    if (floating.prior_cost(after) > floating.prior_cost(before) + kFloatingCost) return std::nullopt;
+    standing.set_shape(after);
     return standing;
 }
 

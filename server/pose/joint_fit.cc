@@ -92,15 +92,10 @@ void JointFit::set_standing(std::size_t n) {
     costs_[n].set_standing(kStandingFit_m);
 }
 
-void JointFit::set_usual_feet() {
-    const BodyShape usual = default_body_shape(shape_.stature_m);
-    for (const BodyLength length : {kAnkleToToe, kFootRadius}) shape_[length] = usual[length];
-}
-
-double JointFit::prior_cost() const {
+double JointFit::prior_cost(const BodyShape& shape) const {
     BodyMatrix hessian = BodyMatrix::Zero();
     BodyVector gradient = BodyVector::Zero();
-    return prior_.add(shape_, hessian, gradient);
+    return prior_.add(shape, hessian, gradient);
 }
 
 std::vector<double> JointFit::explained_fractions(double narrow_m) const {

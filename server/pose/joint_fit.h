@@ -26,13 +26,12 @@ class JointFit {
     // The same with long hair, and so with the head less far back.
     void grow_hair();
     void set_standing(std::size_t n);
-    // Feet of a usual person of this stature, for silhouettes that do not show them.
-    void set_usual_feet();
+    void set_shape(const BodyShape& shape) { shape_ = shape; }
 
     const BodyShape& shape() const { return shape_; }
     const std::vector<BodyPosture>& postures() const { return postures_; }
-    // How unusual the body is.
-    double prior_cost() const;
+    // How unusual a body is.
+    double prior_cost(const BodyShape& shape) const;
     // Per frame set, of its contour.
     std::vector<double> explained_fractions(double narrow_m) const;
     // Standard deviations of the lengths and, last, the stature, with free postures.

@@ -214,7 +214,7 @@ std::vector<Cells> OccupiedCells::parts(std::uint8_t label) const {
     return found;
 }
 
-OccupiedCells::Contact OccupiedCells::largest_contact(const Cells& part) const {
+std::optional<OccupiedCells::Contact> OccupiedCells::largest_contact(const Cells& part) const {
     const std::uint8_t own = label_[part.front()];
     std::array<std::int32_t, kContested> count{}, cell_of{};
     for (const std::int32_t each : part)
@@ -225,9 +225,9 @@ OccupiedCells::Contact OccupiedCells::largest_contact(const Cells& part) const {
             cell_of[label] = cell;
         });
     const auto largest = std::ranges::max_element(count);
-    if (*largest == 0) return {};
+    if (*largest == 0) return std::nullopt;
     const auto label = static_cast<std::uint8_t>(largest - count.begin());
-    return {label, cell_of[label]};
+    return Contact{label, cell_of[label]};
 }
 
 Cells OccupiedCells::cells_of(const kernels::VoxelVolume& volume) const {
@@ -390,13 +390,12 @@ void join_halves(const OccupiedCells& grid, std::vector<Cells>& parts) {
 
 namespace {
 
-double distance_between(const OccupiedCells& grid, const Cells& a, const Cells& b) {
-    double least = std::numeric_limits<double>::infinity();
-    for (const std::int32_t i : a) {
+bool are_near(const OccupiedCells& grid, const Cells& a, const Cells& b, double distance_m) {
+    return std::ranges::any_of(a, [&](std::int32_t i) {
         const Vec3 p = grid.centre_in_world(i);
-        for (const std::int32_t j : b) least = std::min(least, norm(p - grid.centre_in_world(j)));
-    }
-    return least;
+        return std::ranges::any_of(
+            b, [&](std::int32_t j) { return norm(p - grid.centre_in_world(j)) < distance_m; });
+    });
 }
 
 Cells* part_with(std::int32_t cell, std::vector<std::vector<Cells>>& parts) {
@@ -409,15 +408,15 @@ Cells* part_with(std::int32_t cell, std::vector<std::vector<Cells>>& parts) {
 }  // namespace
 
 void return_limbs(OccupiedCells& grid, std::vector<std::vector<Cells>>& parts) {
-    const auto max_cells = static_cast<std::size_t>(kMaxLimb_litres / (1000 * std::pow(grid.cell_m(), 3)));
     for (std::vector<Cells>& own : parts) {
         for (std::size_t k = 1; k < own.size(); ++k) {
-            if (own[k].size() > max_cells) continue;
-            const OccupiedCells::Contact contact = grid.largest_contact(own[k]);
-            Cells* const to = part_with(contact.cell, parts);
-            if (!to || distance_between(grid, own[k], own[0]) < kMinLimbGap_m) continue;
+            if (grid.statistics(own[k]).litres > kMaxLimb_litres) continue;
+            const auto contact = grid.largest_contact(own[k]);
+            if (!contact || are_near(grid, own[k], own[0], kMinLimbGap_m)) continue;
+            Cells* const to = part_with(contact->cell, parts);
+            if (!to) continue;
             grid.free(own[k]);
-            grid.give(own[k], {0, 0, 0}, contact.label);
+            grid.give(own[k], {0, 0, 0}, contact->label);
             to->insert(to->end(), own[k].begin(), own[k].end());
             own[k].clear();
         }

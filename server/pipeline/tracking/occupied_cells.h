@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "common/geometry.h"
@@ -48,13 +49,12 @@ class OccupiedCells {
     // first.
     std::vector<Cells> parts(std::uint8_t label) const;
 
-    // The subject whose cells touch a part the most, beside its own; kEmpty if none does. `cell`: one of
-    // them.
+    // The other subject whose cells touch a part the most, and one of these cells.
     struct Contact {
-        std::uint8_t label = kEmpty;
-        std::int32_t cell = -1;
+        std::uint8_t label;
+        std::int32_t cell;
     };
-    Contact largest_contact(const Cells& part) const;
+    std::optional<Contact> largest_contact(const Cells& part) const;
 
     // The cells of the centres of a volume's voxels, in the order of their indices; those outside the lattice
     // are omitted.

@@ -499,13 +499,12 @@ TEST(OccupiedCells, SharesContestedCellsBetweenNeighbours) {
 // Two people, and the right one's arm; its hand has the label of the left one.
 struct TakenHand {
     OccupiedCells grid = grid_of(1);
-    Cells hand;
     std::vector<std::vector<Cells>> parts;
 
     explicit TakenHand(double hand_at_x) {
         const Cells left = column(grid, {-0.6, 0, 0}, 0.2, 0, 1.7),
                     right = column(grid, {0.6, 0, 0}, 0.2, 0, 1.7);
-        Cells arm;
+        Cells arm, hand;
         for (double x = hand_at_x; x <= 0.6; x += 0.04) {
             Cells& limb = x < hand_at_x + 0.15 ? hand : arm;
             limb = joined(limb, column(grid, {x, 0, 0}, 0.06, 1.34, 1.46));
